@@ -213,6 +213,60 @@ def ended(steps: Steps, one: LastingError, other: LastingError) -> LastingError 
     return replace(first, end=second.start, epochs=epochs)
 
 
+def with_another(
+    steps: Steps,
+    found: Sequence[LastingError],
+    errors: Sequence[LastingError],
+    another: LastingError,
+) -> tuple[list[LastingError], list[LastingError]]:
+    """Errors as found and with settled sizes, and another: a new one, or the rest or end of one.
+
+    Parameters
+    ----------
+    steps : Steps
+        As recorded.
+    found, errors : sequence of LastingError
+        As they were found, and with sizes that the whole drive tells.
+    another : LastingError
+        That the drive shows beside them.
+    """
+    found, errors = (sorted(some, key=lambda one: one.start) for some in (found, errors))
+    for k, (rough, one) in enumerate(zip(found, errors, strict=True)):
+        joined = _joined(one, another)
+        if joined is not None:
+            first, whole = (replace(some, receivers=joined, alike=()) for some in (rough, one))
+            return [*found[:k], first, *found[k + 1 :]], [*errors[:k], whole, *errors[k + 1 :]]
+        both = ended(steps, one, another)
+        if both is not None:
+            first = ended(steps, rough, another) or both
+            return [*found[:k], first, *found[k + 1 :]], [*errors[:k], both, *errors[k + 1 :]]
+        rest = _rest_of(one, another, len(steps.receivers))
+        if rest is not None:
+            whole = replace(one, size=one.size + rest, covariance=another.covariance)
+            return found, [*errors[:k], whole, *errors[k + 1 :]]
+    return [*found, by_motion(another)], [*errors, another]
+
+
+def _joined(one: LastingError, another: LastingError) -> tuple[int, ...] | None:
+    """Receivers of two jumps at one time that are one of both, if that was not told; else None."""
+    both = tuple(sorted({*one.receivers, *another.receivers}))
+    open_to_both = one.stays and another.stays and both in one.alike
+    if not open_to_both or not at_one_time(one, another) or contradicts(one, another):
+        return None
+    return both if len(both) == len(one.receivers) + len(another.receivers) else None
+
+
+def _rest_of(one: LastingError, another: LastingError, receivers: int) -> Array | None:
+    """What a jump that stays lacks, if another is at its time and of its receivers; else None."""
+    if not (one.stays and another.stays):
+        return None
+    if not at_one_time(one, another):
+        return None
+    others = tuple(k for k in range(receivers) if k not in one.receivers)
+    ways = {one.receivers: 1.0, others: -1.0}
+    return ways[another.receivers] * another.size if another.receivers in ways else None
+
+
 def of_the_others(one: LastingError, back: LastingError, receivers: int) -> LastingError | None:
     """A jump of all and one back of some at its time: one of the others; None if it is not that.
 

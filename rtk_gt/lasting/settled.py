@@ -23,7 +23,6 @@ from rtk_gt.lasting.lasting_error import (
     by_motion,
     denied,
     difference,
-    ended,
     ends_with,
     epochs_with,
     of_the_others,
@@ -32,6 +31,7 @@ from rtk_gt.lasting.lasting_error import (
     shown,
     starting_rows,
     who_has,
+    with_another,
     without_errors,
 )
 from rtk_gt.lasting.whole_drive import WholeDrive
@@ -99,7 +99,7 @@ def settle(
         if another is None:
             return _under_slow_errors(steps, quick, cleaned, errors, found, jumps)
         settled = errors, found
-        found, errors = _with_another(steps, found, errors, another)
+        found, errors = with_another(steps, found, errors, another)
     return _under_slow_errors(steps, quick, cleaned, *settled, jumps)
 
 
@@ -247,37 +247,6 @@ def _part_of(one: LastingError, whole: LastingError, receivers: int) -> bool:
     last = one.start if one.stays else one.end
     beside = last < whole.start - margin or one.start > whole.end + margin
     return one.receivers in who and not beside
-
-
-def _with_another(
-    steps: Steps,
-    found: Sequence[LastingError],
-    errors: Sequence[LastingError],
-    another: LastingError,
-) -> tuple[list[LastingError], list[LastingError]]:
-    """Errors as found and with settled sizes, and another: a new one, or the rest or end of one."""
-    found, errors = (sorted(some, key=lambda one: one.start) for some in (found, errors))
-    for k, (rough, one) in enumerate(zip(found, errors, strict=True)):
-        both = ended(steps, one, another)
-        if both is not None:
-            first = ended(steps, rough, another) or both
-            return [*found[:k], first, *found[k + 1 :]], [*errors[:k], both, *errors[k + 1 :]]
-        rest = _rest_of(one, another, len(steps.receivers))
-        if rest is not None:
-            whole = replace(one, size=one.size + rest, covariance=another.covariance)
-            return found, [*errors[:k], whole, *errors[k + 1 :]]
-    return [*found, by_motion(another)], [*errors, another]
-
-
-def _rest_of(one: LastingError, another: LastingError, receivers: int) -> Array | None:
-    """What a jump that stays lacks, if another is at its time and of its receivers; else None."""
-    if not (one.stays and another.stays):
-        return None
-    if not at_one_time(one, another):
-        return None
-    others = tuple(k for k in range(receivers) if k not in one.receivers)
-    ways = {one.receivers: 1.0, others: -1.0}
-    return ways[another.receivers] * another.size if another.receivers in ways else None
 
 
 def _those_that_stay(

@@ -202,6 +202,15 @@ def test_a_false_fix_upwards_ends_with_the_fix_that_its_receiver_finds_again():
     np.testing.assert_allclose([one.start, one.end], [put.start, put.end], atol=0.41)
 
 
+def test_a_jump_of_those_that_write_often_and_of_the_other_is_one_of_all():
+    errors, every = Errors(0.003, 0.005, 60.0), (1.0, 0.2, 0.1)
+    bad, put = spoilt_by(rough_drive(2614, errors, every=every), 2614, "all up")
+    (one,) = settle(bad.steps)[1]
+    assert one.receivers == (0, 1, 2)
+    assert one.stays
+    assert abs(one.start - put.start) < 0.41
+
+
 def test_what_the_whole_drive_shows_takes_no_end_of_a_clearer_error():
     errors, every = Errors(0.003, 0.005, 60.0), (1.0, 0.2, 0.2)
     bad, put = spoilt_by(rough_drive(2514, errors, every=every), 2514, "false up")
