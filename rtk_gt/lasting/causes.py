@@ -99,6 +99,13 @@ def jumped(seen: Contrasts, causes: Sequence[tuple[int, ...]]) -> Jumped:
     return found
 
 
+def gains_of(seen: Contrasts, cause: tuple[int, ...], rows: Ints) -> tuple[Array, Array]:
+    """Gains (m,) of a cause at some intervals beside what is usual there, and sizes (m, 3)."""
+    gains, sizes, _ = fit_of(seen, cause, rows)
+    along = (seen.values[rows] @ seen.axes) / seen.sigmas[rows]
+    return gains / _unlike(seen, along, seen.designs(cause, rows=rows), sizes, rows), sizes
+
+
 def _unlike(seen: Contrasts, along: Array, designs: Array, sizes: Array, rows: Ints) -> Array:
     """(m,) times that the motion at some intervals is rougher than it usually is.
 

@@ -9,7 +9,6 @@ from scipy.linalg import block_diag
 
 from rtk_gt.lasting.causes import GAIN
 from rtk_gt.lasting.errors import changed, lasting_errors
-from rtk_gt.lasting.first_offsets import first_offsets
 from rtk_gt.lasting.jumps import CLEAR_OVER_MOTION
 from rtk_gt.lasting.jumps_back import contradicts, span_by_the_drive
 from rtk_gt.lasting.lacking_fixes import found_again
@@ -36,6 +35,7 @@ from rtk_gt.lasting.lasting_error import (
 )
 from rtk_gt.lasting.whole_drive import WholeDrive
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
+from rtk_gt.offsets.first_offsets import first_offsets
 from rtk_gt.offsets.memory import error_model
 from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.offsets.slow_errors import ErrorModel

@@ -8,11 +8,11 @@ import pytest
 from trials.lasting_errors import Errors, made_drive
 from trials.rough_drives import rough_drive, spoilt_by
 
-from rtk_gt.lasting.first_offsets import first_offsets
 from rtk_gt.lasting.lacking_fixes import with_lost_fixes
 from rtk_gt.lasting.seen_from_vehicle import baseline_headings
 from rtk_gt.lasting.settled import settle
 from rtk_gt.offsets.estimate import estimate_offsets
+from rtk_gt.offsets.first_offsets import first_offsets
 from rtk_gt.receivers.fixes import RTK_FIXED
 
 WHITE = Errors(0.003)
