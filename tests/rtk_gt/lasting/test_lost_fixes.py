@@ -187,6 +187,17 @@ def test_a_clean_hour_on_a_rough_road_has_no_jump(seed):
     assert settle(made.steps)[1] == []
 
 
+@pytest.mark.parametrize("seed", [6000, 6001])
+def test_speed_bumps_of_a_smooth_road_are_no_jumps(seed):
+    made = rough_drive(seed, WHITE, bumps=5)
+    assert settle(made.steps)[1] == []
+    # A false fix that begins elsewhere is found as before.
+    bad, put = spoilt_by(made, seed, "false up")
+    (one,) = settle(bad.steps)[1]
+    assert one.receivers == put.receivers
+    np.testing.assert_allclose([one.start, one.end], [put.start, put.end], atol=0.41)
+
+
 @pytest.mark.full
 def test_a_clean_hour_under_slow_errors_on_a_rough_road_has_no_jump():
     # Slow errors go on east and north: along a baseline that turns they change within seconds.
