@@ -71,6 +71,10 @@ class EndingError(Sized, Protocol):
     def start(self) -> float:
         """Seconds since 1970."""
 
+    @property
+    def end(self) -> float:
+        """Seconds since 1970; infinite if it stays."""
+
 
 def mismatch(there: Sized, back: Sized, receivers: int) -> float:
     """Squared sigmas by which the second is not the first one back; infinite if it is another.
@@ -295,3 +299,18 @@ def span_by_the_drive(
     if len(firsts) and begins.max() > best:
         span = float(times[firsts[begins.argmax()]]), error.start
     return span
+
+
+def by_drive_and_motion(
+    times: Array, positions: Array, offsets: Offsets, error: EndingError
+) -> tuple[Array, Array]:
+    """Size (3,) of one receiver's error and its covariance, by the distances and by what is known.
+
+    Parameters are those of `span_by_the_drive`; the error has an end.
+    """
+    drive = WholeDrive.of(times, positions, offsets)
+    first, last = np.searchsorted(times, np.array([error.start, error.end]) - 1e-6).tolist()
+    weight, _ = drive.weight(drive.residuals)
+    design = drive.error(error.receivers[0], error.size)
+    sums = DriveSums.of(drive.own, design, drive.as_seen(first, last), weight)
+    return sums.size_of(first, last, (error.size, error.covariance))
