@@ -33,33 +33,38 @@ def followed(
     positions: Array,
     headings: Array,
     causes: Sequence[tuple[int, ...]],
-    rows: Sequence[int],
+    lifts: Sequence[tuple[int, tuple[int, ...]]],
 ) -> list[bool]:
-    """Whether other lifts are near those after some rows.
+    """Whether other lifts are near some.
 
     Parameters
     ----------
     times, positions, headings, causes
-        As of `find_jumps`, with the lifts after these rows taken out.
-    rows : sequence of int
-        Of the last epochs before them.
+        As of `find_jumps`, with the lifts taken out.
+    lifts : sequence of (int, tuple of int)
+        The last epoch before each, and its receivers.
     """
     middle = (times[1:] + times[:-1]) / 2
-    most = np.zeros(len(middle))
+    most, whose = np.zeros(len(middle)), np.full(len(middle), -1)
     near = np.zeros(len(middle), dtype=bool)
-    for row in rows:
+    for row, _ in lifts:
         near |= np.abs(middle - middle[row]) < SOON
     for sides in sides_of(times, positions):
         seen = contrasts(times, positions, headings, sides) if sides.guessed else None
         if seen is None:
             continue
         at = np.flatnonzero(near & seen.moving)
-        for cause in causes:
+        for k, cause in enumerate(causes):
             gains, sizes = gains_of(seen, cause, at)
-            most[at] = np.maximum(most[at], np.where(upwards(sizes), gains, 0.0))
+            better = upwards(sizes) & (gains > most[at])
+            most[at[better]], whose[at[better]] = gains[better], k
     found = []
-    for row in rows:
-        beside = np.abs(middle - middle[row]) < SOON
-        beside[max(row - UNSURE, 0) : row + UNSURE + 1] = False
-        found.append(bool((most[beside] > ANOTHER).any()))
+    for row, receivers in lifts:
+        beside = (np.abs(middle - middle[row]) < SOON) & (most > ANOTHER)
+        beside[row] = False
+        # What is left of one that was a fix earlier or later is its own receivers'.
+        close = slice(max(row - UNSURE, 0), row + UNSURE + 1)
+        own = causes.index(receivers) if receivers in causes else -1
+        beside[close] &= whose[close] != own
+        found.append(bool(beside.any()))
     return found

@@ -118,18 +118,16 @@ def find_jumps(
         # Where one jumped already, motion alone does not tell that others did, too.
         new = [
             jump for jump in _greatest(times, positions, headings, causes)
-            if not jump.by_motion or (
-                all(abs(jump.row - one.row) > UNSURE for one in found)
-                and not (_is_lift(jump) and _soon(times, jump, bumps))
-            )
+            if not (jump.by_motion and any(abs(jump.row - one.row) <= UNSURE for one in found))
+            and not (_is_lift(jump) and _soon(times, jump, bumps))
         ]  # fmt: skip
         new = _undisturbed(new, positions.shape[1])
         if not new:
             break
         rest = _without(positions, new)
         lifts = [one for one in new if _is_lift(one)]
-        rows = [one.row for one in lifts]
-        many = followed(times, rest, headings, causes, rows) if lifts else []
+        places = [(one.row, one.receivers) for one in lifts]
+        many = followed(times, rest, headings, causes, places) if lifts else []
         others = [float(times[one.row]) for one in [*found, *lifts] if _is_lift(one)]
         bumped = [
             one for one, more in zip(lifts, many, strict=True)
@@ -144,8 +142,8 @@ def find_jumps(
 
 
 def _is_lift(jump: Jump) -> bool:
-    """Whether only the motion tells a jump, and it goes upwards."""
-    return jump.by_motion and bool(upwards(jump.size))
+    """Whether a jump goes upwards, as a bump of the road does."""
+    return bool(upwards(jump.size))
 
 
 def _soon(times: Array, jump: Jump, others: Sequence[float]) -> bool:
