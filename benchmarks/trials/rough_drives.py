@@ -48,10 +48,19 @@ class Put:
 
 
 def rough_drive(
-    seed: int, errors: Errors, *, seconds: float = 600.0, every: tuple[float, ...] = (0.2, 0.2, 0.2)
+    seed: int,
+    errors: Errors,
+    *,
+    seconds: float = 600.0,
+    every: tuple[float, ...] = (0.2, 0.2, 0.2),
+    bumps: int = 0,
 ) -> Made:
-    """A drive; ``every`` receiver writes a fix so many seconds."""
-    rng, antennas, poses = _moved(seed, seconds)
+    """A drive; ``every`` receiver writes a fix so many seconds.
+
+    With ``bumps`` the road is smooth but for so many speed bumps, 5 to 10 cm high, on ramps of
+    0.4 to 1.2 m.
+    """
+    rng, antennas, poses = _moved(seed, seconds, bumps)
     R = Rotation.from_euler("ZYX", poses[:, 3:]).as_matrix()
     true = poses[:, None, :3] + np.einsum("tij,rj->tri", R, antennas)
     offsets = np.concatenate([np.zeros((1, 3)), rng.normal(0, [80, 80, 3], (2, 3))])
@@ -79,7 +88,7 @@ def rough_motion(seed: int, seconds: float) -> tuple[Array, Array]:
     return _moved(seed, seconds)[1:]
 
 
-def _moved(seed: int, seconds: float) -> tuple[np.random.Generator, Array, Array]:
+def _moved(seed: int, seconds: float, bumps: int = 0) -> tuple[np.random.Generator, Array, Array]:
     """The generator behind a drive, its antennas and its poses."""
     rng = np.random.default_rng([seed, 77])
     antennas = np.array(
@@ -89,7 +98,7 @@ def _moved(seed: int, seconds: float) -> tuple[np.random.Generator, Array, Array
             [rng.uniform(1.2, 2.0), -rng.uniform(0.3, 0.7), rng.uniform(0.0, 0.2)],
         ]
     )
-    return rng, antennas, _driven(rng, seconds)
+    return rng, antennas, _driven(rng, seconds, bumps)
 
 
 def spoilt_by(made: Made, seed: int, kind: str) -> tuple[Made, Put]:
@@ -134,7 +143,7 @@ def _floats(rng: np.random.Generator, times: Array, positions: Array, kinds: Arr
         kinds[here] = 5
 
 
-def _driven(rng: np.random.Generator, seconds: float) -> Array:
+def _driven(rng: np.random.Generator, seconds: float, bumps: int) -> Array:
     """(n, 6) poses of the roof, one every `FINE` seconds."""
     n = round(seconds / FINE) + 1
     t = np.arange(n) * FINE
@@ -157,7 +166,7 @@ def _driven(rng: np.random.Generator, seconds: float) -> Array:
     hills, gradient = _hills(rng, place)
     slope = (gradient * ahead).sum(1)
     across = (gradient * ahead[:, ::-1] * [-1, 1]).sum(1)
-    left, right = _road(rng, way), _road(rng, way)
+    left, right = (_bumpy(rng, way, bumps),) * 2 if bumps else (_road(rng, way), _road(rng, way))
     front, rear = (
         ((left + right) / 2)[:, None],
         _behind(way, (left + right) / 2, WHEELBASE)[:, None],
@@ -194,6 +203,17 @@ def _road(rng: np.random.Generator, way: Array) -> Array:
         heights[at : at + 8] -= rng.uniform(0.02, 0.05)
     # The tyre averages over its foot.
     return np.interp(way - way[0] + 20.0, np.arange(count) * step, gaussian_filter1d(heights, 2.0))
+
+
+def _bumpy(rng: np.random.Generator, way: Array, bumps: int) -> Array:
+    """(n,) heights of a smooth road with speed bumps, metres."""
+    heights = np.zeros(len(way))
+    for _ in range(bumps):
+        past = way - way[0] - rng.uniform(0.1, 0.9) * (way[-1] - way[0])
+        ramp, flat = rng.uniform(0.4, 1.2), rng.uniform(0.3, 4.0)
+        up, down = past / ramp, (flat + 2 * ramp - past) / ramp
+        heights += rng.uniform(0.05, 0.10) * np.clip(np.minimum(up, down), 0.0, 1.0)
+    return heights
 
 
 def _behind(way: Array, heights: Array, distance: float) -> Array:

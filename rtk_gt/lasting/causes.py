@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from scipy import special
 from scipy.ndimage import maximum_filter1d
 
 from rtk_gt.lasting.contrasts import Contrasts
@@ -28,6 +29,8 @@ TELLING = 16.0
 USUAL = 0.3
 """Metres of a usual jump, as a standard deviation, where nothing tells: over a pause heights change
 no distance."""
+USUALLY_LEFT = 0.01
+"""Share of the jumps that leave more of the motion than is taken for usual."""
 UNSURE = 2
 """Epochs beside a jump that may be on its other side: noise moves its place by so many."""
 
@@ -78,6 +81,7 @@ def jumped(seen: Contrasts, causes: Sequence[tuple[int, ...]]) -> Jumped:
         for ends in (False, True):
             gain, size, spread = fit_of(seen, cause, rows, ends)
             designs = seen.designs(cause, ends, rows)
+            gain = gain / _unlike(seen, along[rows], designs, size, rows)
             design = np.einsum("ji,nja->nia", seen.axes[:, motion:], designs)
             change = np.einsum("npa,na->np", design / seen.sigmas[rows, motion:, None], size)
             told = np.square(change).sum(1)
@@ -93,6 +97,30 @@ def jumped(seen: Contrasts, causes: Sequence[tuple[int, ...]]) -> Jumped:
             found.sizes[at, k], found.spreads[at, k] = size[better], spread[better]
             found.allowed[at, k] = (agrees & (np.linalg.norm(size, axis=1) > least))[better]
     return found
+
+
+def gains_of(seen: Contrasts, cause: tuple[int, ...], rows: Ints) -> tuple[Array, Array]:
+    """Gains (m,) of a cause at some intervals beside what is usual there, and sizes (m, 3)."""
+    gains, sizes, _ = fit_of(seen, cause, rows)
+    along = (seen.values[rows] @ seen.axes) / seen.sigmas[rows]
+    return gains / _unlike(seen, along, seen.designs(cause, rows=rows), sizes, rows), sizes
+
+
+def _unlike(seen: Contrasts, along: Array, designs: Array, sizes: Array, rows: Ints) -> Array:
+    """(m,) times that the motion at some intervals is rougher than it usually is.
+
+    By what a jump leaves of it: three numbers explain no turn that bends as no other of the drive.
+    """
+    motion = seen.values.shape[1] - seen.rods.shape[2]
+    left = along[:, :motion] - np.einsum(
+        "nka,na->nk",
+        np.einsum("ji,nja->nia", seen.axes[:, :motion], designs) / seen.sigmas[rows, :motion, None],
+        sizes,
+    )
+    if motion <= 3:
+        return np.ones(len(left))
+    usual = special.chdtri(motion - 3, USUALLY_LEFT)
+    return np.asarray(np.maximum(np.square(left).sum(1) / usual, 1.0))
 
 
 def fit_of(

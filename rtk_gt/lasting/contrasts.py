@@ -205,22 +205,23 @@ def contrasts(times: Array, positions: Array, headings: Array, sides: Sides) -> 
     distances = np.linalg.norm(rods, axis=-1)
     along = rods / np.maximum(distances, TINY)[..., None]
     changes, sides_seen = np.zeros((n, distances.shape[1])), np.zeros((2, n, *along.shape[1:]))
-    wider = np.ones(n)
+    wider, turning = np.ones(n), np.zeros((n, distances.shape[1]))
     for rows, pairs in together_rows(positions):
         fixes = max(round(averaged * (len(rows) - 1) / n), FEWEST_DISTANCES)
         own = _wider(times[rows], distances[rows][:, pairs], fixes)
         wider = np.maximum(wider, spread_over(rows, own, n))
         before, after = _means(distances[rows][:, pairs], fixes)
         changes[:, pairs] = spread_over(rows, after - before, n)
-        for seen, mean in zip(
-            sides_seen, reversed(_means(along[rows][:, pairs], fixes)), strict=True
-        ):
+        ways = _means(along[rows][:, pairs], fixes)
+        turning[:, pairs] = spread_over(rows, _turning(after, before, ways), n)
+        for seen, mean in zip(sides_seen, reversed(ways), strict=True):
             seen[:, pairs] = spread_over(rows, mean, n)
     directions = np.stack([turned(-headings[:-1], seen) for seen in sides_seen])
     motion[~moving] = 0.0
     values = np.concatenate([motion.reshape(n, -1), changes], axis=1)
     axes, sigmas, floor = _scaled(values, moving, motion[0].size, 2 * max(side, averaged))
     sigmas[:, motion[0].size :] *= wider[:, None]
+    sigmas = np.sqrt(sigmas**2 + turning @ axes[motion[0].size :] ** 2)
     if own_only:
         # Where all tell, they tell more.
         all_tell = unexpected_ways(times, positions, whole, headings, NEAREST)
@@ -300,6 +301,22 @@ def _means(values: Array, side: int) -> tuple[Array, Array]:
         (total[2 * side :] - middle) / side,
     )
     return before, after
+
+
+def _turning(after: Array, before: Array, ways: tuple[Array, Array]) -> Array:
+    """(n, p) variance that errors which stay give to changes of distances as the vehicle turns.
+
+    East and north they go on; along a distance they are another number when it points elsewhere.
+    How large they are the means (n, p) before and after each interval show, beside what changes
+    where nothing turns; their mean directions (n, p, 3) before and after show the turn.
+    """
+    inside = after[:, 0] > 0
+    if not inside.any():
+        return np.zeros(after.shape)
+    changes = sigma_from_median((after - before)[inside], axis=0)
+    spread = sigma_from_median(after[inside] - np.median(after[inside], axis=0), axis=0)
+    lasting = np.maximum(spread**2 - changes**2 / 2, 0.0)
+    return np.asarray(lasting * np.square(ways[1] - ways[0]).sum(-1))
 
 
 def _wider(times: Array, distances: Array, side: int) -> Array:

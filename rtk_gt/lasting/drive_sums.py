@@ -83,6 +83,15 @@ class DriveSums:
         better = np.linalg.solve(free, right[..., None])[..., 0]
         return np.asarray(gains + (better * right).sum(1))
 
+    def size_of(self, first: int, last: int, known: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Size (3,) and covariance of such an error, by the drive and by what is known of it."""
+        information, score = (
+            some[0] for some in self._evidence(np.array([first]), np.array([last]))
+        )
+        right = (score - information @ np.append(known[0], 1.0))[:3]
+        covariance = np.linalg.inv(information[:3, :3] + np.linalg.inv(known[1]))
+        return known[0] + covariance @ right, np.asarray(covariance, dtype=float)
+
     def _evidence(self, first: Ints, last: Ints) -> tuple[Array, Array]:
         """Information on errors in the epochs [first, last), offsets free, and their scores."""
         crossed = self.crossed[last] - self.crossed[first]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
+from rtk_gt.lasting.bumps import SOON, followed, upwards
 from rtk_gt.lasting.causes import (
     GAIN,
     GAIN_OF_MOTION,
@@ -111,22 +112,51 @@ def find_jumps(
     causes : sequence of tuples of int
         Columns of the receivers that may jump together.
     """
-    positions = positions.copy()
     found: list[Jump] = []
+    bumps: list[float] = []
     for _ in range(_ROUNDS):
         # Where one jumped already, motion alone does not tell that others did, too.
         new = [
             jump for jump in _greatest(times, positions, headings, causes)
-            if not jump.by_motion or all(abs(jump.row - one.row) > UNSURE for one in found)
+            if not (jump.by_motion and any(abs(jump.row - one.row) <= UNSURE for one in found))
+            and not (_is_lift(jump) and _soon(times, jump, bumps))
         ]  # fmt: skip
         new = _undisturbed(new, positions.shape[1])
         if not new:
             break
-        for jump in new:
-            after = slice(jump.row + 1, None)
-            positions[after, list(jump.receivers)] -= jump.size
-        found += new
+        rest = _without(positions, new)
+        lifts = [one for one in new if _is_lift(one)]
+        places = [(one.row, one.receivers) for one in lifts]
+        many = followed(times, rest, headings, causes, places) if lifts else []
+        others = [float(times[one.row]) for one in [*found, *lifts] if _is_lift(one)]
+        bumped = [
+            one for one, more in zip(lifts, many, strict=True)
+            if more or _soon(times, one, [at for at in others if at != times[one.row]])
+        ]  # fmt: skip
+        bumps += [float(times[one.row]) for one in bumped]
+        gone = [one for one in found if _is_lift(one) and _soon(times, one, bumps)]
+        new = [one for one in new if not any(one is other for other in bumped)]
+        positions = _without(_without(positions, gone, -1.0), new)
+        found = [one for one in found if not any(one is other for other in gone)] + new
     return _merged(found)
+
+
+def _is_lift(jump: Jump) -> bool:
+    """Whether a jump goes upwards, as a bump of the road does."""
+    return bool(upwards(jump.size))
+
+
+def _soon(times: Array, jump: Jump, others: Sequence[float]) -> bool:
+    """Whether a jump is near other times."""
+    return any(abs(times[jump.row] - at) < SOON for at in others)
+
+
+def _without(positions: Array, jumps: Sequence[Jump], share: float = 1.0) -> Array:
+    """The positions with a share of some jumps taken out."""
+    rest = positions.copy()
+    for jump in jumps:
+        rest[jump.row + 1 :, list(jump.receivers)] -= share * jump.size
+    return rest
 
 
 def _undisturbed(found: list[Jump], receivers: int) -> list[Jump]:
@@ -261,8 +291,7 @@ def _looks(
     for seen in views:
         alone = of_motion(seen)
         found = jumped(alone, causes)
-        upwards = np.abs(found.sizes[..., 2]) > 2 * np.linalg.norm(found.sizes[..., :2], axis=2)
-        found.allowed[...] &= spoilt(seen, SPOILT)[:, None] | upwards
+        found.allowed[...] &= spoilt(seen, SPOILT)[:, None] | upwards(found.sizes)
         yield alone, found, LARGE
 
 
@@ -276,10 +305,10 @@ def _least_over_motion(jump: Jump, receivers: int, guessed: bool) -> float:
     """Gain that a jump must have against motion of any roughness."""
     if not jump.by_motion:
         return 0.0
-    upwards = abs(jump.size[2]) > 2 * np.linalg.norm(jump.size[:2])
-    if guessed and upwards and jump.gain > GAIN and len(jump.receivers) < receivers:
+    up = bool(upwards(jump.size))
+    if guessed and up and jump.gain > GAIN and len(jump.receivers) < receivers:
         return 0.0
-    if guessed and upwards and jump.gain > CLEAR_OVER_MOTION:
+    if guessed and up and jump.gain > CLEAR_OVER_MOTION:
         return GAIN_OF_LIFT
     return GAIN_OVER_MOTION if jump.gain > GAIN else CLEAR_OVER_MOTION
 
@@ -295,12 +324,12 @@ def _over_motion(times: Array, positions: Array, jump: Jump, least: float) -> bo
     gains = [gain_over_motion(times, places, row) for row in around]
     at = around[int(np.argmax(gains))]
     return max(gains) > least and all(
-        gain_over_motion(*_without(times, places, epoch), at - (epoch <= at)) > GAIN_WITHOUT_ONE
+        gain_over_motion(*_but(times, places, epoch), at - (epoch <= at)) > GAIN_WITHOUT_ONE
         for epoch in range(at - 1, at + 3)
     )
 
 
-def _without(times: Array, places: Array, epoch: int) -> tuple[Array, Array]:
+def _but(times: Array, places: Array, epoch: int) -> tuple[Array, Array]:
     """Times and places but those of an epoch."""
     return np.delete(times, epoch), np.delete(places, epoch, axis=0)
 

@@ -71,6 +71,10 @@ class EndingError(Sized, Protocol):
     def start(self) -> float:
         """Seconds since 1970."""
 
+    @property
+    def end(self) -> float:
+        """Seconds since 1970; infinite if it stays."""
+
 
 def mismatch(there: Sized, back: Sized, receivers: int) -> float:
     """Squared sigmas by which the second is not the first one back; infinite if it is another.
@@ -261,7 +265,7 @@ def span_by_the_drive(
     Notes
     -----
     A receiver that loses its fix and finds it again has another one: that is how false fixes end.
-    There the end may be no better than none at all, if only the error does not stay.
+    There it need only be clearer than that the error stays.
     Distances hardly change with a vertical error, but of a known size they tell how long it lasts.
     """
     drive = WholeDrive.of(times, positions, offsets)
@@ -280,17 +284,33 @@ def span_by_the_drive(
         return sums.gains_of(first, last, (size, error.covariance))
 
     stays = float(gains(np.array([at]), np.array([n]), 1.0)[0])
-    best, span = max(stays, 0.0) + GAIN_BACK, None
+    # That there is an error the motion shows; the drive only where it goes again.
+    best, span = stays + GAIN_BACK, None
     begins = gains(firsts, np.full(len(firsts), at), -1.0) if len(firsts) else np.zeros(1)
     if len(lasts):
         ends = gains(np.full(len(lasts), at), lasts, 1.0)
         others = max(ends.max(), begins.max()) - ALIKE
         again = found_again[np.isin(np.searchsorted(times, found_again - 1e-6), lasts)]
         at_pauses = ends[np.searchsorted(times, again - 1e-6) - lasts[0]]
-        if len(again) and at_pauses.max() > max(stays + GAIN_BACK_ABOUT, others):
+        if len(again) and at_pauses.max() > max(stays + ALIKE, others):
             return error.start, float(again[at_pauses.argmax()])
         if ends.max() > best:
             best, span = ends.max(), (error.start, float(times[lasts[ends.argmax()]]))
     if len(firsts) and begins.max() > best:
         span = float(times[firsts[begins.argmax()]]), error.start
     return span
+
+
+def by_drive_and_motion(
+    times: Array, positions: Array, offsets: Offsets, error: EndingError
+) -> tuple[Array, Array]:
+    """Size (3,) of one receiver's error and its covariance, by the distances and by what is known.
+
+    Parameters are those of `span_by_the_drive`; the error has an end.
+    """
+    drive = WholeDrive.of(times, positions, offsets)
+    first, last = np.searchsorted(times, np.array([error.start, error.end]) - 1e-6).tolist()
+    weight, _ = drive.weight(drive.residuals)
+    design = drive.error(error.receivers[0], error.size)
+    sums = DriveSums.of(drive.own, design, drive.as_seen(first, last), weight)
+    return sums.size_of(first, last, (error.size, error.covariance))

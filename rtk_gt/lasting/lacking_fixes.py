@@ -24,8 +24,8 @@ lasts for seconds, and a vehicle goes only so far in that time."""
 OFTEN = 0.6
 """Share of the fixes of the most frequent receiver that others must have to go with it."""
 LEANS = 0.03
-"""Metres by which an antenna moves on the vehicle over lost fixes at most, that of a degree at an
-arm of 1.8 m: a jump in the middle of them would be two of half its size."""
+"""Metres by which an antenna moves on the vehicle over lost fixes at least where it jumped, that of
+a degree at an arm of 1.8 m: a jump in the middle of them would be two of half its size."""
 
 
 def spaced_rows(steps: Steps) -> Ints:

@@ -20,6 +20,9 @@ NOT_USED = -1
 DENIED, DIFFERS = 0.3, 0.001
 """Share of a jump that the whole drive takes off where it denies it, and metres by which sizes may
 differ at least."""
+DENIED_WHOLLY, DENIES = 2 / 3, 16.0
+"""The same of an error that goes again, and the squared sigmas of two numbers that deny it: chance
+makes them in one of 3,000."""
 LARGEST_RESTART = 10.0
 """Metres by which the coordinates of a base station change at most where it restarts: a judgement;
 those of a single point position, the worst that bases take, are off by some metres."""
@@ -111,6 +114,19 @@ def denied(found: LastingError, settled: LastingError) -> bool:
     return bool(np.linalg.norm(off) > DENIED * found.length and squares.sum() > GAIN_OF_MOTION)
 
 
+def denied_level(found: LastingError, settled: LastingError) -> bool:
+    """Whether the drive leaves next to nothing of what the motion said of an error level.
+
+    Up and down change the distances too little to tell. Slow errors of a centimetre, and an end
+    that is wrong, leave more.
+    """
+    off = (found.size - settled.size)[:2]
+    values, axes = np.linalg.eigh((found.covariance - settled.covariance)[:2, :2])
+    squares = np.square(axes.T @ off) / np.maximum(values, DIFFERS**2)
+    much = np.linalg.norm(off) > DENIED_WHOLLY * np.linalg.norm(found.size)
+    return bool(much and squares.sum() > DENIES)
+
+
 def by_motion(error: LastingError) -> LastingError:
     """The same with what the whole drive does not say: what is told once must not count twice."""
     if error.around is None or not error.stays:
@@ -193,6 +209,12 @@ def at_one_time(one: LastingError, other: LastingError) -> bool:
     return begin <= last and start <= end
 
 
+def together(one: LastingError, other: LastingError) -> bool:
+    """Whether an error that goes again is the other one, or lasts with it for some time."""
+    passing = not (one.stays or other.stays)
+    return passing and one.start < other.end and other.start < one.end
+
+
 def ended(steps: Steps, one: LastingError, other: LastingError) -> LastingError | None:
     """The first of two errors that stay, ended by the second if that is the jump back; else None.
 
@@ -211,6 +233,49 @@ def ended(steps: Steps, one: LastingError, other: LastingError) -> LastingError 
         return None
     epochs = epochs_with(steps, first.receivers, first.start, second.start)
     return replace(first, end=second.start, epochs=epochs)
+
+
+def with_another(
+    steps: Steps,
+    found: Sequence[LastingError],
+    errors: Sequence[LastingError],
+    another: LastingError,
+) -> tuple[list[LastingError], list[LastingError]]:
+    """Errors as found and with settled sizes, and another: a new one, or the rest or end of one.
+
+    Parameters
+    ----------
+    steps : Steps
+        As recorded.
+    found, errors : sequence of LastingError
+        As they were found, and with sizes that the whole drive tells.
+    another : LastingError
+        That the drive shows beside them.
+    """
+    found, errors = (sorted(some, key=lambda one: one.start) for some in (found, errors))
+    for k, (rough, one) in enumerate(zip(found, errors, strict=True)):
+        joined = _joined(one, another)
+        if joined is not None:
+            first, whole = (replace(some, receivers=joined, alike=()) for some in (rough, one))
+            return [*found[:k], first, *found[k + 1 :]], [*errors[:k], whole, *errors[k + 1 :]]
+        both = ended(steps, one, another)
+        if both is not None:
+            first = ended(steps, rough, another) or both
+            return [*found[:k], first, *found[k + 1 :]], [*errors[:k], both, *errors[k + 1 :]]
+        rest = rest_of(one, another, len(steps.receivers))
+        if rest is not None:
+            whole = replace(one, size=one.size + rest, covariance=another.covariance)
+            return found, [*errors[:k], whole, *errors[k + 1 :]]
+    return [*found, by_motion(another)], [*errors, another]
+
+
+def _joined(one: LastingError, another: LastingError) -> tuple[int, ...] | None:
+    """Receivers of two jumps at one time that are one of both, if that was not told; else None."""
+    both = tuple(sorted({*one.receivers, *another.receivers}))
+    open_to_both = one.stays and another.stays and both in one.alike
+    if not open_to_both or not at_one_time(one, another) or contradicts(one, another):
+        return None
+    return both if len(both) == len(one.receivers) + len(another.receivers) else None
 
 
 def of_the_others(one: LastingError, back: LastingError, receivers: int) -> LastingError | None:
@@ -237,6 +302,58 @@ def of_the_others(one: LastingError, back: LastingError, receivers: int) -> Last
         alike=(),
         around=(one.size, one.covariance),
     )
+
+
+def told_apart(
+    found: Sequence[LastingError], whole: LastingError, receivers: int
+) -> tuple[list[LastingError], LastingError]:
+    """Errors with the one that the whole drive shows in the place of others at its time.
+
+    Whose jump it was the whole drive tells better than the seconds about it, where it tells more.
+    If it shows the same receivers, it leaves fewer others in doubt.
+    """
+    here = [one for one in found if one.stays and at_one_time(one, whole)]
+    here += [one for one in found if ends_with(one, whole) or begins_with(one, whole)]
+    of_all = [one for one in here if len(one.receivers) == receivers]
+    for one in of_all:
+        others = of_the_others(one, whole, receivers)
+        if others is None:
+            return list(found), whole  # beside it
+        whole = others
+    same = [one for one in here if one.stays and one.receivers == whole.receivers]
+    if not same and any(one.gain > whole.gain for one in here):
+        return list(found), whole
+    told = [replace(one, alike=tuple(a for a in one.alike if a in whole.alike)) for one in same]
+    told = told or ([whole] if here else [])
+    return [*(one for one in found if one not in here), *told], whole
+
+
+def beside(one: LastingError, whole: LastingError) -> bool:
+    """Whether an error that goes again begins where another one ends, or ends where it begins."""
+    margin = 2 * max(one.spacing, whole.spacing)
+    at_end, at_start = abs(one.start - whole.end) < margin, abs(one.end - whole.start) < margin
+    return not one.stays and (at_end or at_start)
+
+
+def part_of(one: LastingError, whole: LastingError, receivers: int) -> bool:
+    """Whether an error is one that goes again, or a part, or begins within it as its end."""
+    who = {whole.receivers, *whole.alike}
+    who |= {tuple(k for k in range(receivers) if k not in some) for some in who}
+    margin = 2 * max(one.spacing, whole.spacing)
+    last = one.start if one.stays else one.end
+    beside = last < whole.start - margin or one.start > whole.end + margin
+    return one.receivers in who and not beside
+
+
+def rest_of(one: LastingError, another: LastingError, receivers: int) -> Array | None:
+    """What a jump that stays lacks, if another is at its time and of its receivers; else None."""
+    if not (one.stays and another.stays):
+        return None
+    if not at_one_time(one, another):
+        return None
+    others = tuple(k for k in range(receivers) if k not in one.receivers)
+    ways = {one.receivers: 1.0, others: -1.0}
+    return ways[another.receivers] * another.size if another.receivers in ways else None
 
 
 @dataclass(frozen=True)

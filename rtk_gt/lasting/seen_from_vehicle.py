@@ -9,6 +9,13 @@ MOST_LOST = 3
 """Usual spacings between two fixes of a receiver within which it has lost some: a vehicle that
 leans by a degree meanwhile moves an antenna by two hundredths of its arm, evenly."""
 
+SELDOM = 0.001
+"""Share of its moves on the vehicle that are longer than an antenna usually moves: potholes and
+sudden turns lean a vehicle by degrees within two fixes."""
+MORE = 1.5
+"""Times as far up as these that an antenna moves at most: over twelve rough drives of ten minutes,
+and twelve hours, the farthest was at 1.04 to 1.6 times."""
+
 
 def turned(angles: Array, vectors: Array) -> Array:
     """(n, ..., 3) vectors turned about the vertical by angles (n,), radians, counterclockwise."""
@@ -82,7 +89,7 @@ def carried(
     headings: Array,
     who: tuple[int, tuple[int, ...]],
     rows: tuple[Ints, Ints, Ints],
-    most: float = np.inf,
+    least: float = np.inf,
 ) -> Array:
     """Where an antenna is between its fixes: it goes with the vehicle.
 
@@ -99,9 +106,10 @@ def carried(
     rows : three (m,) int arrays
         Epochs at which it is wanted, and its own fixes before and after each; where these are one
         it keeps its place on the vehicle.
-    most : float
-        Metres by which it moves on the vehicle meanwhile at most: where it moves more beside all
-        others, it jumped, and keeps its place before until its next fix.
+    least : float
+        Metres by which it moves on the vehicle meanwhile, level or up, at least, and more than it
+        usually does in that time, where it jumped: beside all others. It then keeps its place
+        before until its next fix.
 
     Returns
     -------
@@ -119,12 +127,9 @@ def carried(
     told = np.full((len(at), len(others), 3), np.nan)
     jumps = np.zeros((len(at), len(others)), dtype=bool)
     for n, other in enumerate(others):
-        first, last = (
-            turned(-headings[end], positions[end, own] - positions[end, other])
-            for end in (before, after)
-        )
-        moves = last - first
-        jumps[:, n] = np.linalg.norm(moves, axis=1) > most
+        arms = turned(-headings, positions[:, own] - positions[:, other])
+        first, moves = arms[before], arms[after] - arms[before]
+        jumps[:, n] = (_level_and_up(moves) > _most(arms, after - before, least)).any(1)
         arm = first + share[:, None] * np.where(jumps[:, n, None], 0.0, moves)
         told[:, n] = positions[at, other] + turned(headings[at], arm)
     # One of the others that jumps, while it does not beside the rest, tells nothing of it.
@@ -132,4 +137,23 @@ def carried(
     found = np.full((len(at), 3), np.nan)
     known = ~np.isnan(told[..., 0]).all(1)
     found[known] = np.nanmean(told[known], axis=1)
+    return found
+
+
+def _level_and_up(moves: Array) -> Array:
+    """(n, 2) lengths of moves (n, 3)."""
+    return np.column_stack([np.hypot(moves[:, 0], moves[:, 1]), np.abs(moves[:, 2])])
+
+
+def _most(arms: Array, epochs: Ints, least: float) -> Array:
+    """(m, 2) metres, level and up, that an arm (n, 3) usually moves in some epochs at most."""
+    found = np.full((len(epochs), 2), least)
+    for apart in np.unique(epochs) if np.isfinite(least) else ():
+        moves = _level_and_up(arms[apart:] - arms[:-apart])
+        moves = moves[~np.isnan(moves[:, 0])]
+        # A jump, and one back, are in as many.
+        beyond = max(int(np.ceil(SELDOM * len(moves))), 2 * int(apart))
+        if beyond < len(moves):
+            usual = np.sort(moves, axis=0)[-1 - beyond] * [1.0, MORE]
+            found[epochs == apart] = np.maximum(usual, least)
     return found

@@ -9,33 +9,34 @@ from scipy.linalg import block_diag
 
 from rtk_gt.lasting.causes import GAIN
 from rtk_gt.lasting.errors import changed, lasting_errors
-from rtk_gt.lasting.first_offsets import first_offsets
 from rtk_gt.lasting.jumps import CLEAR_OVER_MOTION
-from rtk_gt.lasting.jumps_back import contradicts, span_by_the_drive
+from rtk_gt.lasting.jumps_back import by_drive_and_motion, contradicts, span_by_the_drive
 from rtk_gt.lasting.lacking_fixes import found_again
 from rtk_gt.lasting.lasting_error import (
     LARGEST_RESTART,
     JumpErrors,
     LastingError,
-    at_one_time,
-    begins_with,
+    beside,
     beyond_a_base,
     by_motion,
     denied,
+    denied_level,
     difference,
-    ended,
-    ends_with,
     epochs_with,
-    of_the_others,
     or_others,
+    part_of,
     same_span,
     shown,
     starting_rows,
+    together,
+    told_apart,
     who_has,
+    with_another,
     without_errors,
 )
 from rtk_gt.lasting.whole_drive import WholeDrive
 from rtk_gt.offsets.estimate import Offsets, estimate_offsets
+from rtk_gt.offsets.first_offsets import first_offsets
 from rtk_gt.offsets.memory import error_model
 from rtk_gt.offsets.prior import OffsetPrior
 from rtk_gt.offsets.slow_errors import ErrorModel
@@ -99,7 +100,7 @@ def settle(
         if another is None:
             return _under_slow_errors(steps, quick, cleaned, errors, found, jumps)
         settled = errors, found
-        found, errors = _with_another(steps, found, errors, another)
+        found, errors = with_another(steps, found, errors, another)
     return _under_slow_errors(steps, quick, cleaned, *settled, jumps)
 
 
@@ -140,7 +141,17 @@ def _by_the_drive(
         one = changed(rest, offsets)
         if one is None or one.stays:
             break
-        part = [_part_of(other, one, len(steps.receivers)) for other in found]
+        clearer = [other for other in found if other.gain > one.gain and beside(other, one)]
+        if clearer:
+            # An end of it is theirs.
+            passing += clearer
+            found = [other for other in found if other not in clearer]
+            rest = without_errors(steps, [*of_all, *passing])
+            if int(rest.complete.sum()) < FEWEST_STEPS:
+                break
+            offsets = first_offsets(rest, quick)
+            continue
+        part = [part_of(other, one, len(steps.receivers)) for other in found]
         # Up and down change the distances alike: what the motion at both ends shows is the size.
         shown = [
             other for other, of in zip(found, part, strict=True)
@@ -167,32 +178,8 @@ def _by_the_drive(
         # What an error leaves in the distances as the vehicle turns passes for other jumps.
         found = [*of_all, *lasting_errors(rest, offsets)]
     if stays:
-        found, stays = _told_apart(found, stays, len(steps.receivers))
+        found, stays = told_apart(found, stays, len(steps.receivers))
     return sorted([*found, *passing], key=lambda one: one.start), stays
-
-
-def _told_apart(
-    found: Sequence[LastingError], whole: LastingError, receivers: int
-) -> tuple[list[LastingError], LastingError]:
-    """Errors with the one that the whole drive shows in the place of others at its time.
-
-    Whose jump it was the whole drive tells better than the seconds about it, where it tells more.
-    If it shows the same receivers, it leaves fewer others in doubt.
-    """
-    here = [one for one in found if one.stays and at_one_time(one, whole)]
-    here += [one for one in found if ends_with(one, whole) or begins_with(one, whole)]
-    of_all = [one for one in here if len(one.receivers) == receivers]
-    for one in of_all:
-        others = of_the_others(one, whole, receivers)
-        if others is None:
-            return list(found), whole  # beside it
-        whole = others
-    same = [one for one in here if one.stays and one.receivers == whole.receivers]
-    if not same and any(one.gain > whole.gain for one in here):
-        return list(found), whole
-    told = [replace(one, alike=tuple(a for a in one.alike if a in whole.alike)) for one in same]
-    told = told or ([whole] if here else [])
-    return [*(one for one in found if one not in here), *told], whole
 
 
 def _with_ends(
@@ -208,6 +195,9 @@ def _with_ends(
             continue
         offsets = first_offsets(rest, quick)
         if not offsets.known:
+            # The error itself hides them.
+            offsets = first_offsets(without_errors(steps, ended), quick)
+        if not offsets.known:
             continue
         placed = rest.corrected(offsets.offsets).select(rest.complete)
         again = found_again(steps, one.receivers[0])
@@ -219,45 +209,31 @@ def _with_ends(
     return ended
 
 
-def _part_of(one: LastingError, whole: LastingError, receivers: int) -> bool:
-    """Whether an error is one that goes again, or a part, or begins within it as its end."""
-    who = {whole.receivers, *whole.alike}
-    who |= {tuple(k for k in range(receivers) if k not in some) for some in who}
-    margin = 2 * max(one.spacing, whole.spacing)
-    last = one.start if one.stays else one.end
-    beside = last < whole.start - margin or one.start > whole.end + margin
-    return one.receivers in who and not beside
+def _left_by_the_drive(
+    steps: Steps, quick: Callable[[Steps], Offsets], errors: Sequence[LastingError]
+) -> list[bool]:
+    """Of each error whether it stays, or the distances show something of it while it lasts.
 
-
-def _with_another(
-    steps: Steps,
-    found: Sequence[LastingError],
-    errors: Sequence[LastingError],
-    another: LastingError,
-) -> tuple[list[LastingError], list[LastingError]]:
-    """Errors as found and with settled sizes, and another: a new one, or the rest or end of one."""
-    found, errors = (sorted(some, key=lambda one: one.start) for some in (found, errors))
-    for k, (rough, one) in enumerate(zip(found, errors, strict=True)):
-        both = ended(steps, one, another)
-        if both is not None:
-            first = ended(steps, rough, another) or both
-            return [*found[:k], first, *found[k + 1 :]], [*errors[:k], both, *errors[k + 1 :]]
-        rest = _rest_of(one, another, len(steps.receivers))
-        if rest is not None:
-            whole = replace(one, size=one.size + rest, covariance=another.covariance)
-            return found, [*errors[:k], whole, *errors[k + 1 :]]
-    return [*found, by_motion(another)], [*errors, another]
-
-
-def _rest_of(one: LastingError, another: LastingError, receivers: int) -> Array | None:
-    """What a jump that stays lacks, if another is at its time and of its receivers; else None."""
-    if not (one.stays and another.stays):
-        return None
-    if not at_one_time(one, another):
-        return None
-    others = tuple(k for k in range(receivers) if k not in one.receivers)
-    ways = {one.receivers: 1.0, others: -1.0}
-    return ways[another.receivers] * another.size if another.receivers in ways else None
+    What turned sharply, or lay beside a jump that stays, may look like both ends of a false fix.
+    The first of which they show nothing level is told: what lies beside it may tell of others.
+    """
+    left = [True] * len(errors)
+    for k, one in enumerate(errors):
+        if one.stays or len(one.receivers) > 1:
+            continue
+        others = [o for o in errors if o.receivers != one.receivers or not together(o, one)]
+        rest = without_errors(steps, others)
+        if int(rest.complete.sum()) < FEWEST_STEPS:
+            continue
+        offsets = first_offsets(rest, quick)
+        if not offsets.known:
+            continue
+        placed = rest.corrected(offsets.offsets).select(rest.complete)
+        size, covariance = by_drive_and_motion(placed.times, placed.positions, offsets, one)
+        if denied_level(one, replace(one, size=size, covariance=covariance)):
+            left[k] = False
+            break
+    return left
 
 
 def _those_that_stay(
@@ -283,6 +259,8 @@ def _those_that_stay(
             not one.stays or (shown(one) and not denied(rough, one))
             for rough, one in zip(found, errors, strict=True)
         ]
+        if all(kept):
+            kept = _left_by_the_drive(steps, quick, errors)
         if all(kept):
             return list(found), errors, jumps
         errors = [one for one, stays in zip(errors, kept, strict=True) if stays]

@@ -5,6 +5,7 @@ same; mirrored they nearly do, and where the vehicle stands any heading will do.
 looked for from its own start, and those that are as good as the best are kept.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -118,12 +119,14 @@ def all_minima(
     measured = [one for one in found if _as_measured(one, prior)] if near is None else []
     found = measured or found
     rough = dict(zip(map(id, found), costs_of(found), strict=True))
-    found = _distinct(sorted(found, key=lambda one: rough[id(one)]))
+    found = _distinct(sorted(found, key=lambda one: rough[id(one)]), _alike)
     found = [one for one in found if rough[id(one)] - rough[id(found[0])] < _ROUGHLY]
     quiet = min(found, key=lambda one: one.sigma)
     compared = [*found, beside] if beside is not None and id(beside) in rough else found
     costs = {id(one): settled_cost(used, one, quiet, prior) for one in compared}
-    found = sorted(found, key=lambda one: costs[id(one)])
+    # Of those that are one the best stands for them: from heights that nothing holds, decimetres
+    # off, none settles.
+    found = _distinct(sorted(found, key=lambda one: costs[id(one)]), _same)
     as_good = AS_GOOD * stride_of(used)
     wanted = _winding(layout)
     upright = [one for one in found if _winding(_mean_arms(used, one)) * wanted >= 0]
@@ -239,13 +242,18 @@ def _winding(places: Array) -> float:
     return float(np.sign(a[0] * b[1] - a[1] * b[0]))
 
 
-def _distinct(found: list[Offsets]) -> list[Offsets]:
+def _distinct(found: list[Offsets], same: Callable[[Offsets, Offsets], bool]) -> list[Offsets]:
     """Without those that are the same as an earlier one."""
     kept: list[Offsets] = []
     for one in found:
-        if not any(_same(one, other) for other in kept):
+        if not any(same(one, other) for other in kept):
             kept.append(one)
     return kept
+
+
+def _alike(one: Offsets, other: Offsets) -> bool:
+    """Whether two are the same to rounding."""
+    return bool(np.abs(one.offsets.values - other.offsets.values).max() < _ROUNDING)
 
 
 def _same(one: Offsets, other: Offsets) -> bool:
@@ -253,4 +261,4 @@ def _same(one: Offsets, other: Offsets) -> bool:
     spread = one.offset_covariance + other.offset_covariance
     square = off @ np.linalg.solve(spread + _ROUNDING**2 * np.eye(len(off)), off)
     turned = np.abs(off).max() > min(one.distances.min(), other.distances.min())
-    return bool(np.abs(off).max() < _ROUNDING or (square < _SAME**2 and not turned))
+    return _alike(one, other) or bool(square < _SAME**2 and not turned)

@@ -52,7 +52,10 @@ def decimal_digit(columns: Array) -> float:
     told = [one for one in columns.T if len(np.unique(one)) >= FEWEST_PLACES]
     for decimals in range(DECIMALS + 1) if told else ():
         scaled = np.array(told) * 10.0**decimals
-        if (np.abs(scaled - np.rint(scaled)) < WHOLE).all():
+        whole = np.rint(scaled)
+        # Millimetres about a round degree are not written in degrees.
+        places = min(len(np.unique(one)) for one in whole)
+        if (np.abs(scaled - whole) < WHOLE).all() and places >= FEWEST_PLACES:
             return float(10.0**-decimals)
     return 0.0
 

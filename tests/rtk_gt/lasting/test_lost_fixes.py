@@ -8,11 +8,11 @@ import pytest
 from trials.lasting_errors import Errors, made_drive
 from trials.rough_drives import rough_drive, spoilt_by
 
-from rtk_gt.lasting.first_offsets import first_offsets
 from rtk_gt.lasting.lacking_fixes import with_lost_fixes
 from rtk_gt.lasting.seen_from_vehicle import baseline_headings
 from rtk_gt.lasting.settled import settle
 from rtk_gt.offsets.estimate import estimate_offsets
+from rtk_gt.offsets.first_offsets import first_offsets
 from rtk_gt.receivers.fixes import RTK_FIXED
 
 WHITE = Errors(0.003)
@@ -159,6 +159,75 @@ def test_a_jump_at_a_lost_fix_of_its_receiver_is_whole():
     assert abs(one.start - made.steps.times[0] - AT) < 0.41
     off = one.size - size
     assert off @ np.linalg.solve(one.covariance, off) < 16.3
+
+
+def moved_up(steps, at, height, for_epochs):
+    """The second antenna is higher for some epochs from each of some on."""
+    positions = steps.positions.copy()
+    for row in at:
+        positions[row : row + for_epochs, 1, 2] += height
+    return replace(steps, positions=positions)
+
+
+@pytest.mark.parametrize(("elsewhere", "share"), [(20, 0.5), (0, 0.0)])
+def test_over_a_lost_fix_an_antenna_leans_as_elsewhere_or_jumps(elsewhere, share):
+    made = made_drive(12, WHITE, seconds=300.0, bases=False)
+    at = 20 * np.random.default_rng(3).choice(70, elsewhere, replace=False) + 60
+    rough = moved_up(moved_up(made.steps, at, 0.2, 5), [41], 0.2, 2000)
+    told = with_lost_fixes(without(rough, 40, 1)).positions[40, 1, 2]
+    true = made.steps.positions[40, 1, 2]
+    # Noise of three fixes of 5 mm up, and what the vehicle leans meanwhile.
+    assert told - true == pytest.approx(0.2 * share, abs=0.05)
+
+
+@pytest.mark.parametrize("seed", [2116, pytest.param(2008, marks=pytest.mark.full)])
+def test_a_clean_hour_on_a_rough_road_has_no_jump(seed):
+    # Alarmed once by a lost fix in a pothole, and by a turn of 30 degrees a second.
+    made = rough_drive(seed, Errors(0.004), seconds=3600.0, every=(1.0, 0.2, 0.2))
+    assert settle(made.steps)[1] == []
+
+
+@pytest.mark.parametrize("seed", [6000, 6001])
+def test_speed_bumps_of_a_smooth_road_are_no_jumps(seed):
+    made = rough_drive(seed, WHITE, bumps=5)
+    assert settle(made.steps)[1] == []
+    # A false fix that begins elsewhere is found as before.
+    bad, put = spoilt_by(made, seed, "false up")
+    (one,) = settle(bad.steps)[1]
+    assert one.receivers == put.receivers
+    np.testing.assert_allclose([one.start, one.end], [put.start, put.end], atol=0.41)
+
+
+@pytest.mark.full
+def test_a_clean_hour_under_slow_errors_on_a_rough_road_has_no_jump():
+    # Slow errors go on east and north: along a baseline that turns they change within seconds.
+    made = rough_drive(859, Errors(0.004, 0.007, 120.0), seconds=3600.0, every=(1.0, 0.2, 0.2))
+    assert settle(made.steps)[1] == []
+
+
+def test_a_false_fix_upwards_ends_with_the_fix_that_its_receiver_finds_again():
+    errors, every = Errors(0.003, 0.010, 30.0), (1.0, 0.2, 0.2)
+    bad, put = spoilt_by(rough_drive(2513, errors, every=every), 2513, "false up")
+    (one,) = settle(bad.steps)[1]
+    assert one.receivers == put.receivers
+    np.testing.assert_allclose([one.start, one.end], [put.start, put.end], atol=0.41)
+
+
+def test_a_jump_of_those_that_write_often_and_of_the_other_is_one_of_all():
+    errors, every = Errors(0.003, 0.005, 60.0), (1.0, 0.2, 0.1)
+    bad, put = spoilt_by(rough_drive(2614, errors, every=every), 2614, "all up")
+    (one,) = settle(bad.steps)[1]
+    assert one.receivers == (0, 1, 2)
+    assert one.stays
+    assert abs(one.start - put.start) < 0.41
+
+
+def test_what_the_whole_drive_shows_takes_no_end_of_a_clearer_error():
+    errors, every = Errors(0.003, 0.005, 60.0), (1.0, 0.2, 0.2)
+    bad, put = spoilt_by(rough_drive(2514, errors, every=every), 2514, "false up")
+    (one,) = settle(bad.steps)[1]
+    assert one.receivers == put.receivers
+    np.testing.assert_allclose([one.start, one.end], [put.start, put.end], atol=0.41)
 
 
 def test_the_heading_goes_on_while_an_end_of_the_longest_baseline_has_no_fix():

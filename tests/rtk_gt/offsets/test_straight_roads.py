@@ -55,6 +55,11 @@ def test_what_is_accepted_is_right():
     assert 0 < accepted["distances"] <= 2
 
 
+def test_heights_that_nothing_holds_hide_no_heading():
+    # One start came to antennas half a metre too low, and stood for the right heading.
+    assert max(trial(9005, "two distances", degrees=1, slope=0.0)) < 3
+
+
 @pytest.mark.full
 def test_roads_of_1_to_20_degrees_and_standing_records_with_all_that_may_be_known():
     errors, accepted = judge(ROADS, range(20))

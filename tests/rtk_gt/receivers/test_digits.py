@@ -51,6 +51,16 @@ def test_the_last_digit_of_level_positions_is_told_with_few_of_them(decimals, of
     assert level_digit(np.hstack([np.radians(fine), heights])) == 0
 
 
+@pytest.mark.parametrize(("decimals", "noise", "metres"), [(9, 6e-8, 0.0), (7, 6e-7, 0.01117)])
+def test_millimetres_about_a_round_degree_are_not_written_in_degrees(decimals, noise, metres):
+    # Noise of 7 mm, and of 7 cm, about a place of whole hundredths of a degree.
+    place = np.array([45.06, 7.66])
+    written = place + np.random.default_rng(decimals).normal(0, noise, (400, 2))
+    written = np.round(written, decimals)
+    stood = np.hstack([np.radians(written), np.full((400, 1), 280.0)])
+    assert level_digit(stood) == pytest.approx(metres, rel=1e-2, abs=1e-4)
+
+
 def test_a_table_in_metres_tells_its_digits(tmp_path):
     rows = [f"{1.7e9 + k:.0f},{5e5 + 3.1 * k:.1f},{5_036_000 + k:.1f},160.0" for k in range(40)]
     path = tmp_path / "rear.csv"
