@@ -20,7 +20,7 @@ from vision_gt.causes.effects import (
     all_effects,
 )
 from vision_gt.causes.evidence import Evidence, Seen, evidence_of
-from vision_gt.causes.exchanges import Exchanged, exchanges
+from vision_gt.causes.exchanges import Exchanged, exchanges, surveyed_rightly
 from vision_gt.causes.linear import Linear
 from vision_gt.causes.trial import Noise, Solved, solved, with_noise, with_own_noise
 from vision_gt.least_squares.adjustment import MAX_STEPS, NotDeterminedError
@@ -111,6 +111,16 @@ class Diagnosis:
         return best.what if gained > LEAST_GAIN and matters else None
 
     @property
+    def either(self) -> tuple[Exchanged, ...]:
+        """The best hypothesis and its like of other cameras, which nothing tells apart."""
+        best = self.ranking.best.what.effect
+        if not isinstance(best, Exchanged):
+            return ()
+        others = [one.what.effect for one in self.ranking.rivals()]
+        same = (o for o in others if isinstance(o, Exchanged) and best.same_but_for_camera(o))
+        return (best, *same)
+
+    @property
     def _moved(self) -> float:
         """Standard deviations by which the best hypothesis moves the robot somewhere."""
         before, after = self.nothing.what.solution, self.ranking.best.what.solution
@@ -123,14 +133,24 @@ class Diagnosis:
 
     @cached_property
     def shifts(self) -> Array:
-        """(s, 3) best hypothesis minus result: x, y (metres), theta (radians) of each stop."""
-        after = self.ranking.best.what.solution
+        """(s, 3) best hypothesis minus result: x, y (metres), theta (radians) of each stop.
+
+        Of several that nothing tells apart (`either`) the largest.
+        """
+        tried = {one.what.effect: one.what.solution for one in self.ranking.tried}
+        alike = [tried[effect] for effect in self.either] or [self.ranking.best.what.solution]
+        every = np.array([self._off(solution) for solution in alike])
+        largest = np.linalg.norm(every[:, :, :2], axis=2).argmax(0)
+        return np.asarray(np.take_along_axis(every, largest[None, :, None], axis=0)[0])
+
+    def _off(self, after: Solved) -> Array:
+        """(s, 3) a solution minus result, of the stops of the best hypothesis."""
         place = {name: i for i, name in enumerate(after.evidence.bodies)}
-        T = after.setup.T_world_body
+        bodies, T = set(self.ranking.best.what.solution.evidence.bodies), after.setup.T_world_body
         off = [
-            planar_pose(T[place[f"stop {stop}"]]) - pose
+            planar_pose(T[place[name]]) - pose if (name := f"stop {stop}") in place else np.zeros(3)
             for stop, (pose, _) in self.seen.results.items()
-            if f"stop {stop}" in place
+            if f"stop {stop}" in bodies
         ]
         shifts = np.array(off).reshape(-1, 3)
         shifts[:, 2] = wrap(shifts[:, 2])
@@ -213,17 +233,29 @@ def _climbed(effects: Sequence[Effect], null: Solved) -> list[Tried[Cause]]:
 
 
 def _exchanged(seen: Seen, null: Solved, noise: Sequence[Noise]) -> list[Tried[Cause]]:
-    """What may have been exchanged, at a glance; the best of it solved in full."""
-    tried = []
+    """What may have been exchanged, at a glance; the best of it solved in full.
+
+    Where two cameras see two stops, what is exchanged may be the images of either: images do not
+    tell, only the survey does.
+    """
+    found: dict[Exchanged, Tried[Cause]] = {}
     for effect in exchanges(seen):
         with contextlib.suppress(NotDeterminedError, np.linalg.LinAlgError):
-            tried.append(_reread(effect, seen, null, noise))
-    if tried:
-        at = int(np.argmin([one.criterion for one in tried]))
-        best = tried[at].what.effect
-        if isinstance(best, Exchanged):
-            tried[at] = _reread(best, seen, null, noise, MAX_STEPS)
-    return tried
+            found[effect] = _reread(effect, seen, null, noise)
+    if not found:
+        return []
+    best = min(found, key=lambda effect: found[effect].criterion)
+    same = [effect for effect in found if best.same_but_for_camera(effect)]
+    for effect in same:
+        found[effect] = _reread(effect, seen, null, noise, MAX_STEPS)
+    right = [effect for effect in same if surveyed_rightly(effect, seen)]
+    if len(same) > len(right) == 1:
+        told = found[right[0]]
+        for effect in same:
+            del found[effect]
+        effect = replace(right[0], by_survey=True)
+        found[effect] = replace(told, what=replace(told.what, effect=effect))
+    return list(found.values())
 
 
 @kept_result()

@@ -49,6 +49,8 @@ def cause_finding(diagnosis: Diagnosis) -> Finding | None:
     if cause is None:
         return None
     effect = cause.effect
+    if len(diagnosis.either) > 1:
+        return _either(diagnosis)
     between = f"{_spoilt(diagnosis)}{_odds(diagnosis)}"
     # Poses are off by their distance from the camera times that.
     scaled = effect.kind in _KEYS and abs(cause.size[0]) > _LARGE_PRINT
@@ -197,6 +199,8 @@ def _exchanged(cause: Cause, severity: Severity, joined: Joined) -> Finding:
     a, b = effect.pair
     if effect.kind == "images_exchanged":
         text = f"The images of stops {a} and {b} of camera {effect.subject} are exchanged."
+        if effect.by_survey:
+            text += " That it is this camera's, only the survey of the stops tells."
         do = "Exchange their file names."
         subject = f"camera {effect.subject}"
     elif effect.kind == "cameras_exchanged":
@@ -208,6 +212,19 @@ def _exchanged(cause: Cause, severity: Severity, joined: Joined) -> Finding:
     return Finding(severity, joined(text, do), subject, "exchanged", ())
 
 
+def _either(diagnosis: Diagnosis) -> Finding:
+    """Images of two stops that are exchanged, of one camera or of another."""
+    a, b = diagnosis.either[0].pair
+    cameras = [effect.subject for effect in diagnosis.either]
+    text = (
+        f"The images of stops {a} and {b} are exchanged, those of camera "
+        f"{' or those of camera '.join(cameras)}: what the cameras see does not tell which, a "
+        f"survey of these stops would. {_spoilt(diagnosis, 'may spoil')}{_odds(diagnosis)} Look at "
+        "the images, and exchange the file names of that camera."
+    )
+    return Finding("error", text, f"cameras {'-'.join(cameras)}", "exchanged", ())
+
+
 _TELLERS: dict[str, Callable[[Cause, Severity, Joined], Finding]] = {
     "size": _size,
     "lens": _lens,
@@ -217,7 +234,7 @@ _TELLERS: dict[str, Callable[[Cause, Severity, Joined], Finding]] = {
 }
 
 
-def _spoilt(diagnosis: Diagnosis) -> str:
+def _spoilt(diagnosis: Diagnosis, spoils: str = "spoils") -> str:
     """How many poses it moves, and by how much."""
     shifts = np.linalg.norm(diagnosis.shifts[:, :2], axis=1)
     spoilt = diagnosis.harm > _ERROR
@@ -226,7 +243,7 @@ def _spoilt(diagnosis: Diagnosis) -> str:
     largest = 1e3 * float(shifts[spoilt].max())
     count = int(spoilt.sum())
     stops = "the pose of 1 stop" if count == 1 else f"the poses of {count} stops"
-    return f"It spoils {stops}, by up to {largest:.1f} mm."
+    return f"It {spoils} {stops}, by up to {largest:.1f} mm."
 
 
 def _odds(diagnosis: Diagnosis) -> str:
@@ -236,7 +253,11 @@ def _odds(diagnosis: Diagnosis) -> str:
     text = " The odds against 'nothing is wrong' are more than a million to one."
     if odds < 1e6:
         text = f" The odds against 'nothing is wrong' are {odds:.2g} to one."
-    rivals = [one.what for one in ranking.rivals() if one is not diagnosis.nothing]
+    rivals = [
+        one.what
+        for one in ranking.rivals()
+        if one is not diagnosis.nothing and one.what.effect not in diagnosis.either
+    ]
     if rivals:
         others = " ".join(said_of(one) for one in rivals)
         text += f" What else would explain it nearly as well: {others}"

@@ -121,12 +121,47 @@ def test_a_marker_that_slipped_is_named_with_the_stop(good):
     assert (np.abs(cause.size - change) < 4 * cause.sigma).all()
 
 
-def test_exchanged_images_of_two_stops_are_named(good):
+@pytest.fixture(scope="module")
+def mixed(good):
+    """Two stops whose images are exchanged, those of camera 1; and where the robot stood."""
     both = [s for s, seen in good.stops.items() if {o.camera for o in seen} >= {"1", "2"}]
     a, b = both[0], both[-1]
-    cause = diagnose(spoilt.stops_exchanged(good, "1", a, b)).cause
-    assert cause is not None
-    assert (cause.effect.kind, cause.effect.pair) == ("images_exchanged", (a, b))
+    stood = {stop: planar_pose(good.T_gtv_robot["1", stop]) for stop in (a, b)}
+    alone = replace(good, surveyed={})
+    return spoilt.stops_exchanged(alone, "1", a, b), (a, b), stood
+
+
+def test_that_images_do_not_tell_whose_are_exchanged_is_said(mixed):
+    # Camera 1 with the images exchanged is camera 2 with its own exchanged, the robot elsewhere.
+    seen, pair, _ = mixed
+    diagnosis = diagnose(seen)
+    assert {one.subject for one in diagnosis.either} == {"1", "2"}
+    assert {one.pair for one in diagnosis.either} == {pair}
+    found = cause_finding(diagnosis)
+    assert (found.severity, found.code) == ("error", "exchanged")
+    assert "of camera 1" in found.text
+    assert "of camera 2" in found.text
+    # Whichever it is, the stop that a wrong image gives is off by the way between both.
+    assert (diagnosis.harm > 3).sum() == len(pair)
+
+
+@pytest.mark.parametrize("whose", ["1", "2"])
+def test_the_survey_tells_whose_images_are_exchanged(mixed, whose):
+    seen, (a, b), stood = mixed
+    # Were they camera 2's, the robot stood at the other stop.
+    at = stood if whose == "1" else {a: stood[b], b: stood[a]}
+    noise = np.random.default_rng(3).normal(0, 0.005, (2, 3))
+    surveyed = {stop: pose + off for (stop, pose), off in zip(at.items(), noise, strict=True)}
+    diagnosis = diagnose(replace(seen, surveyed=surveyed))
+    effect = diagnosis.cause.effect
+    assert (effect.subject, effect.pair, effect.by_survey) == (whose, (a, b), True)
+    assert f"of camera {whose} are exchanged" in cause_finding(diagnosis).text
+
+
+def test_a_survey_in_another_frame_tells_nothing(mixed):
+    seen, _, stood = mixed
+    surveyed = {stop: pose + np.array([0.5, 0.5, 0.0]) for stop, pose in stood.items()}
+    assert len(diagnose(replace(seen, surveyed=surveyed)).either) == 2
 
 
 def test_a_camera_with_rough_corners_is_told_though_the_detector_states_them(good):
