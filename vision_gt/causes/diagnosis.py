@@ -11,7 +11,7 @@ from scipy import special
 from validation.errors import GtvalError
 from validation.pieces.results import kept_result
 from validation.poses.angles import Array, wrap
-from validation.statistics.hypotheses import Ranking, Tried, ranked
+from validation.statistics.hypotheses import RIVAL, Ranking, Tried, ranked
 from vision_gt.causes.effects import (
     Effect,
     Moved,
@@ -67,12 +67,15 @@ class Cause:
         Its numbers: a share; or metres and radians.
     solution : Solved
         Everything, with it taken into account.
+    moments : tuple of str
+        Stops since which it may have been, of a move: nothing tells which.
     """
 
     effect: Effect
     size: Array
     sigma: Array
     solution: Solved
+    moments: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -111,14 +114,13 @@ class Diagnosis:
         return best.what if gained > LEAST_GAIN and matters else None
 
     @property
-    def either(self) -> tuple[Exchanged, ...]:
-        """The best hypothesis and its like of other cameras, which nothing tells apart."""
+    def alike(self) -> tuple[Effect, ...]:
+        """The best hypothesis and others of its kind, which nothing tells apart from it.
+
+        The images of the same stops of another camera, or another moment of the same move.
+        """
         best = self.ranking.best.what.effect
-        if not isinstance(best, Exchanged):
-            return ()
-        others = [one.what.effect for one in self.ranking.rivals()]
-        same = (o for o in others if isinstance(o, Exchanged) and best.same_but_for_camera(o))
-        return (best, *same)
+        return (best, *(o.what.effect for o in self.ranking.rivals() if best.like(o.what.effect)))
 
     @property
     def _moved(self) -> float:
@@ -135,11 +137,10 @@ class Diagnosis:
     def shifts(self) -> Array:
         """(s, 3) best hypothesis minus result: x, y (metres), theta (radians) of each stop.
 
-        Of several that nothing tells apart (`either`) the largest.
+        Of several that nothing tells apart (`alike`) the largest.
         """
         tried = {one.what.effect: one.what.solution for one in self.ranking.tried}
-        alike = [tried[effect] for effect in self.either] or [self.ranking.best.what.solution]
-        every = np.array([self._off(solution) for solution in alike])
+        every = np.array([self._off(tried[effect]) for effect in self.alike])
         largest = np.linalg.norm(every[:, :, :2], axis=2).argmax(0)
         return np.asarray(np.take_along_axis(every, largest[None, :, None], axis=0)[0])
 
@@ -216,7 +217,7 @@ def _strangers(seen: Seen) -> bool:
 
 
 def _climbed(effects: Sequence[Effect], null: Solved) -> list[Tried[Cause]]:
-    """Hypotheses solved in full; of the best one also the moments before and after."""
+    """Hypotheses solved in full; of those as good as the best also the moments beside theirs."""
     tried: list[Tried[Cause]] = []
     left, known = list(effects), set[Effect]()
     while left:
@@ -226,7 +227,7 @@ def _climbed(effects: Sequence[Effect], null: Solved) -> list[Tried[Cause]]:
             one = _tried(effect, null)
         except (NotDeterminedError, np.linalg.LinAlgError):
             continue
-        if one.criterion < min((other.criterion for other in tried), default=np.inf):
+        if one.criterion < min((other.criterion for other in tried), default=np.inf) + RIVAL:
             left += [e for e in _neighbours(effect, null.evidence) if e not in known]
         tried.append(one)
     return tried
@@ -245,7 +246,7 @@ def _exchanged(seen: Seen, null: Solved, noise: Sequence[Noise]) -> list[Tried[C
     if not found:
         return []
     best = min(found, key=lambda effect: found[effect].criterion)
-    same = [effect for effect in found if best.same_but_for_camera(effect)]
+    same = [effect for effect in found if best.like(effect)]
     for effect in same:
         found[effect] = _reread(effect, seen, null, noise, MAX_STEPS)
     right = [effect for effect in same if surveyed_rightly(effect, seen)]

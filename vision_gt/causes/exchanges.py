@@ -39,9 +39,10 @@ class Exchanged(Effect):
         """(0,): there are no numbers."""
         return np.zeros(0)
 
-    def same_but_for_camera(self, other: "Exchanged") -> bool:
-        """Whether both are of one pair."""
-        return (self.kind, self.pair) == (other.kind, other.pair)
+    def like(self, other: Effect) -> bool:
+        """Whether both are of one pair, of whatever camera."""
+        pair = other.pair if isinstance(other, Exchanged) else None
+        return self.kind == other.kind and self.pair == pair
 
     def gain(self, linear: Linear) -> Gain:
         """Nothing to first order: it is no small change."""

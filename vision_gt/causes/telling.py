@@ -1,6 +1,7 @@
 """A cause in words: what is wrong, by how much, what it spoils, and what to do."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -49,8 +50,9 @@ def cause_finding(diagnosis: Diagnosis) -> Finding | None:
     if cause is None:
         return None
     effect = cause.effect
-    if len(diagnosis.either) > 1:
+    if isinstance(effect, Exchanged) and len(diagnosis.alike) > 1:
         return _either(diagnosis)
+    cause = replace(cause, moments=tuple(one.since for one in diagnosis.alike))
     between = f"{_spoilt(diagnosis)}{_odds(diagnosis)}"
     # Poses are off by their distance from the camera times that.
     scaled = effect.kind in _KEYS and abs(cause.size[0]) > _LARGE_PRINT
@@ -161,8 +163,11 @@ def _when(cause: Cause, always: str) -> str:
     effect = cause.effect
     assert isinstance(effect, Moved)
     named = effect.stops(cause.solution.evidence)
-    at = named.index(effect.since)
-    return always if at == 0 else f"between stop {named[at - 1]} and stop {effect.since}"
+    since = [named.index(stop) for stop in (effect.since, *cause.moments)]
+    first, last = min(since), named[max(since)]
+    if first == 0:
+        return always if max(since) == 0 else f"at some time before stop {last}"
+    return f"between stop {named[first - 1]} and stop {last}"
 
 
 def _place(cause: Cause, severity: Severity, joined: Joined) -> Finding:
@@ -214,8 +219,10 @@ def _exchanged(cause: Cause, severity: Severity, joined: Joined) -> Finding:
 
 def _either(diagnosis: Diagnosis) -> Finding:
     """Images of two stops that are exchanged, of one camera or of another."""
-    a, b = diagnosis.either[0].pair
-    cameras = [effect.subject for effect in diagnosis.either]
+    best = diagnosis.alike[0]
+    assert isinstance(best, Exchanged)
+    a, b = best.pair
+    cameras = [effect.subject for effect in diagnosis.alike]
     text = (
         f"The images of stops {a} and {b} are exchanged, those of camera "
         f"{' or those of camera '.join(cameras)}: what the cameras see does not tell which, a "
@@ -256,7 +263,7 @@ def _odds(diagnosis: Diagnosis) -> str:
     rivals = [
         one.what
         for one in ranking.rivals()
-        if one is not diagnosis.nothing and one.what.effect not in diagnosis.either
+        if one is not diagnosis.nothing and one.what.effect not in diagnosis.alike
     ]
     if rivals:
         others = " ".join(said_of(one) for one in rivals)

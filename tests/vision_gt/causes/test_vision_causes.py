@@ -102,6 +102,18 @@ def test_a_camera_that_was_knocked_is_named_with_the_stop(good):
     assert abs(np.linalg.norm(cause.size[3:]) - 0.006) < 4 * np.linalg.norm(cause.sigma[3:])
 
 
+def test_stops_between_which_nothing_tells_when_a_camera_was_knocked_are_all_named(good):
+    """Turned about the vertical, at stops that no other camera sees: the robot may stand so."""
+    only = [s for s, seen in good.stops.items() if {o.camera for o in seen} == {"1"}]
+    order = [s for s, seen in good.stops.items() if any(o.camera == "1" for o in seen)]
+    upright = good.T_gtv_camera[good.names.index("1")].rotation.inv().apply([0.0, 0.0, 0.006])
+    diagnosis = diagnose(spoilt.camera_turned(good, "1", only[1], upright))
+    assert {one.kind for one in diagnosis.alike} == {"camera_moved"}
+    assert {one.since for one in diagnosis.alike} >= set(only)
+    before = order[order.index(only[0]) - 1]
+    assert f"between stop {before} and stop {only[-1]}." in cause_finding(diagnosis).text
+
+
 def test_a_marker_that_slipped_is_named_with_the_stop(good):
     counts = {}
     for seen in good.stops.values():
@@ -135,8 +147,8 @@ def test_that_images_do_not_tell_whose_are_exchanged_is_said(mixed):
     # Camera 1 with the images exchanged is camera 2 with its own exchanged, the robot elsewhere.
     seen, pair, _ = mixed
     diagnosis = diagnose(seen)
-    assert {one.subject for one in diagnosis.either} == {"1", "2"}
-    assert {one.pair for one in diagnosis.either} == {pair}
+    assert {one.subject for one in diagnosis.alike} == {"1", "2"}
+    assert {one.pair for one in diagnosis.alike} == {pair}
     found = cause_finding(diagnosis)
     assert (found.severity, found.code) == ("error", "exchanged")
     assert "of camera 1" in found.text
@@ -161,7 +173,7 @@ def test_the_survey_tells_whose_images_are_exchanged(mixed, whose):
 def test_a_survey_in_another_frame_tells_nothing(mixed):
     seen, _, stood = mixed
     surveyed = {stop: pose + np.array([0.5, 0.5, 0.0]) for stop, pose in stood.items()}
-    assert len(diagnose(replace(seen, surveyed=surveyed)).either) == 2
+    assert len(diagnose(replace(seen, surveyed=surveyed)).alike) == 2
 
 
 def test_a_camera_with_rough_corners_is_told_though_the_detector_states_them(good):
