@@ -90,10 +90,10 @@ def published(odometry: Trajectory, stream: Stream, true: float) -> str:
     return ", ".join(told)
 
 
-def errors(folder: Path, trajectory: Trajectory) -> tuple[Array, Mask]:
+def errors(folder: Path, trajectory: Trajectory, delay: float = 0.0) -> tuple[Array, Mask]:
     """(n, 3) errors of a trajectory, and which of its poses are within the drive."""
     truth = read_trajectory(folder / "truth/drive.csv")
-    times = trajectory.times_since(truth.epoch)
+    times = trajectory.times_since(truth.epoch) + delay
     true = np.column_stack([truth.poses[:, :2], np.unwrap(truth.poses[:, 2])])
     at = np.column_stack([np.interp(times, truth.times, column) for column in true.T])
     off = trajectory.poses - at
@@ -122,6 +122,10 @@ def show(folder: Path, seed: int, seconds: float, workers: int) -> tuple[int, in
             f"{len(stream)} frames, {np.sum(verdicts[~wrong] == 'kept')} of {np.sum(~wrong)} kept"
         )
         delay = true[stream.camera]["delay_s"]
+        own = stream.trajectory()
+        if own is not None and wrong[stream.posed].any():
+            off = errors(folder, own, delay)[0][wrong[stream.posed]]
+            said += f" off by {1e3 * np.linalg.norm(off[:, :2], axis=1).max():.1f} mm at most"
         clock = outcome.clocks.get(stream.camera)
         line = "delay not told"
         if clock is not None and clock.verdict == "determined":
