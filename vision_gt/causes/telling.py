@@ -300,7 +300,8 @@ def _worse_finding(noise: Sequence[Noise]) -> Finding | None:
     found = []
     hung = [one for one in noise if one.camera != WALK]
     for one in hung:
-        others = [o for o in hung if o.kind == one.kind and o.camera != one.camera]
+        same = [o for o in hung if (o.kind, o.calibrated) == (one.kind, one.calibrated)]
+        others = [o for o in same if o.camera != one.camera]
         if others:
             times = one.scatter / float(np.median([o.scatter for o in others]))
             unsure = max(o.sigma / o.factor for o in others)

@@ -10,9 +10,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from vision_gt.campaign.findings import vision_findings
 from vision_gt.campaign.solve import _diagnosis
 from vision_gt.causes.diagnosis import diagnose
-from vision_gt.causes.evidence import BAR, REFERENCE_BOARD, evidence_of
+from vision_gt.causes.evidence import BAR, CALIBRATION, REFERENCE_BOARD, evidence_of
 from vision_gt.causes.reference import reference_turn
 from vision_gt.causes.telling import cause_finding, noise_finding
+from vision_gt.causes.trial import Noise, with_own_noise
 from vision_gt.least_squares.setups import camera_slots
 from vision_gt.optics.lenses import fisheye_parameters
 from vision_gt.optics.transforms import planar_pose, planar_transform
@@ -185,6 +186,24 @@ def test_a_camera_with_rough_corners_is_told_though_the_detector_states_them(goo
     found = noise_finding(diagnosis)
     assert (found.severity, found.subject, found.code) == ("note", "camera 1", "corner_noise")
     assert "of the other cameras" in found.text
+
+
+@pytest.mark.parametrize("alike", [True, False])
+def test_a_camera_without_calibration_images_is_not_measured_by_the_others(outcome, alike):
+    """Its boards are those of the bar alone, which are farther away, and have markers."""
+    noise = (
+        Noise("boards", "1", 1.0, 600, 1100.0, 0.06, calibrated=alike),
+        Noise("boards", "2", 1.0, 900, 1700.0, 0.03, calibrated=True),
+    )
+    found = noise_finding(replace(outcome.diagnosis, noise=noise))
+    assert (found is not None) == alike
+
+
+def test_which_cameras_boards_are_of_their_calibration_is_known(good):
+    boards = tuple(v for v in good.boards if (spoilt.of_kind(v), v.camera) != (CALIBRATION, "1"))
+    _, noise = with_own_noise(evidence_of(replace(good, boards=boards, from_files=("1",))))
+    said = {one.camera: one.calibrated for one in noise if one.kind == "boards"}
+    assert said == {"1": False, "2": True}
 
 
 def test_what_a_fisheye_lens_has_not_is_not_sought(good):
