@@ -214,6 +214,24 @@ def test_what_a_fisheye_lens_has_not_is_not_sought(good):
     assert free[camera_slots(1)].all()
 
 
+def test_a_wrong_focal_length_is_told_though_it_moves_no_pose_that_is_used(good):
+    """The camera is placed nearer, and another one's poses are used."""
+    sizes = (0.02, 0.003)
+    told = []
+    for size in sizes:
+        diagnosis = diagnose(spoilt.lens_from_file(good, "1", size))
+        best = diagnosis.ranking.best.what
+        after = best.solution.setup
+        # As if all stops were where they were without it.
+        null = replace(diagnosis.nothing.what.solution.adjustment, setup=after)
+        still = replace(diagnosis.nothing.what.solution, adjustment=null)
+        nothing = replace(diagnosis.nothing, what=replace(diagnosis.nothing.what, solution=still))
+        told.append(replace(diagnosis, nothing=nothing).cause)
+    assert told[0] is not None
+    assert told[0].effect.what == "focal"
+    assert told[1] is None
+
+
 def test_that_no_cause_was_looked_for_is_said(good):
     # Without the bar nothing ties one of the cameras to the rest.
     lacks = []
