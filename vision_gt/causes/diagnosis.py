@@ -1,7 +1,7 @@
 """Which hypothesis explains best what does not fit, and whether that is enough to be told."""
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -51,6 +51,8 @@ and in overexposed images, compressed as JPEG, white eats 0.8 to 0.9 per mille o
 _LEAST_FOCAL = 0.005
 """The same of a focal length that moves no pose: a judgement. Warmth and a lens that is screwed in
 anew change it by 1 to 2 per mille, a focus that was touched by per cents."""
+_LEAST_LENS = 5.0
+"""Pixels of focal length or principal point, likewise."""
 _GLANCE = 8
 """Steps of the adjustment after which it is seen whether an exchange explains anything: good starts
 need five to ten."""
@@ -115,6 +117,9 @@ class Diagnosis:
             share, lens = abs(best.what.size[0]), effect.what == "focal"
             sure = gained > _SURE_GAIN and share > (_LEAST_FOCAL if lens else _LEAST_PRINT)
             matters = sure or (matters and (lens or share > _LEAST_PRINT))
+        elif effect.kind == "lens":
+            far = float(np.abs(best.what.size[:4]).max()) > _LEAST_LENS
+            matters = matters or (gained > _SURE_GAIN and far)
         return best.what if gained > LEAST_GAIN and matters else None
 
     @property
@@ -211,7 +216,11 @@ def diagnose(seen: Seen) -> Diagnosis:
     tried = [nothing, *_climbed(promising, null)]
     best = min(tried, key=lambda one: one.criterion)
     if best.chi_squared > _BAD * best.freedom or _strangers(seen):
-        tried += _exchanged(seen, null, noise)
+        tried += _exchanged(exchanges(seen), seen, null, noise)
+    elif best.what.effect.kind in {"lens", "focal_length"}:
+        # One of many cameras with the file of another one: the rest fits.
+        files = (e for e in exchanges(seen) if e.kind == "camera_files_exchanged")
+        tried += _exchanged(files, seen, null, noise)
     return Diagnosis(ranked(tried), nothing, noise, seen)
 
 
@@ -237,14 +246,16 @@ def _climbed(effects: Sequence[Effect], null: Solved) -> list[Tried[Cause]]:
     return tried
 
 
-def _exchanged(seen: Seen, null: Solved, noise: Sequence[Noise]) -> list[Tried[Cause]]:
+def _exchanged(
+    effects: Iterable[Exchanged], seen: Seen, null: Solved, noise: Sequence[Noise]
+) -> list[Tried[Cause]]:
     """What may have been exchanged, at a glance; the best of it solved in full.
 
     Where two cameras see two stops, what is exchanged may be the images of either: images do not
     tell, only the survey does.
     """
     found: dict[Exchanged, Tried[Cause]] = {}
-    for effect in exchanges(seen):
+    for effect in effects:
         with contextlib.suppress(NotDeterminedError, np.linalg.LinAlgError):
             found[effect] = _reread(effect, seen, null, noise)
     if not found:

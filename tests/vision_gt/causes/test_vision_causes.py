@@ -9,6 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision_gt.campaign.findings import vision_findings
 from vision_gt.campaign.solve import _diagnosis
+from vision_gt.causes import diagnosis as causes
 from vision_gt.causes.diagnosis import diagnose
 from vision_gt.causes.evidence import BAR, CALIBRATION, REFERENCE_BOARD, evidence_of
 from vision_gt.causes.reference import reference_turn
@@ -132,6 +133,18 @@ def test_a_marker_that_slipped_is_named_with_the_stop(good):
     assert (cause.effect.kind, cause.effect.subject) == ("marker_moved", str(number))
     assert cause.effect.since == stops[1]
     assert (np.abs(cause.size - change) < 4 * cause.sigma).all()
+
+
+def test_exchanged_files_are_sought_where_all_but_a_lens_fits(good, monkeypatch):
+    """As where most cameras are others: chi-squared alone does not ask for it then."""
+    monkeypatch.setattr(causes, "_BAD", np.inf)
+    lenses = {camera.name: camera for camera in good.cameras}
+    swapped = tuple(replace(lenses[{"1": "2", "2": "1"}[n]], name=n) for n in good.names)
+    boards = tuple(v for v in good.boards if spoilt.of_kind(v) != CALIBRATION)
+    seen = replace(good, cameras=swapped, boards=boards, from_files=("1", "2"))
+    cause = diagnose(seen).cause
+    assert cause is not None
+    assert cause.effect.kind == "camera_files_exchanged"
 
 
 @pytest.fixture(scope="module")
