@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from validation.poses.angles import Array
 from vision_gt.images.charuco import MOST_AGREE, Markers, agreement, as_printed, begins_elsewhere
-from vision_gt.images.chessboards import any_size, begin_anew
+from vision_gt.images.chessboards import any_size, begin_anew, without_rim
 from vision_gt.images.reading import read_codes
 from vision_gt.patterns.boards import LEAST_PLAIN, Board
 from vision_gt.patterns.dictionaries import Family
@@ -189,6 +189,9 @@ def _plain(image: Image, board: Board) -> OtherBoard | None:
         return None
     if _faint(image, grid) and (round_ones := circles(image, board)) is not None:
         return round_ones
+    seen, wanted = sorted(grid.shape[:2]), sorted(board.inner)
+    if seen[0] > wanted[0] or seen[1] > wanted[1]:
+        grid = without_rim(image, grid)
     down, across = sorted((grid.shape[0] + 1, grid.shape[1] + 1))
     stated = f"{board.columns} x {board.rows}"
     if board.family is not None:

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from validation.errors import GtvalError
 from vision_gt.images.boards import look_for_boards
+from vision_gt.images.chessboards import without_rim
 from vision_gt.images.jobs import BoardJob, detect_in
 from vision_gt.images.kept import KeptDetections
 from vision_gt.images.other_boards import named_for_all
@@ -249,6 +250,17 @@ def test_an_image_with_too_little_to_tell_other_ids_is_not_used_either(tmp_path)
     assert not any(one.boards for one in found)
     assert len({one.note for one in found}) == 1
     assert "ids begin at 16 or near, not at 24" in found[0].note
+
+
+@pytest.mark.parametrize("turns", range(4))
+def test_corners_on_the_rim_of_a_chessboard_are_none_of_its_own(turns):
+    """OpenCV's detector of boards of any size takes them for corners now and then."""
+    image, true = photograph(CHESS)
+    nx, ny = CHESS.inner
+    own = np.rot90(true.reshape(ny, nx, 2), turns)
+    more = np.concatenate([own, 2 * own[:, -1:] - own[:, -2:-1]], axis=1)
+    assert without_rim(image, more).shape == own.shape
+    np.testing.assert_array_equal(without_rim(image, own), own)
 
 
 def test_all_images_of_a_chessboard_of_other_squares_say_so(tmp_path):
