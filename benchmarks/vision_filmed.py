@@ -132,7 +132,7 @@ def show(folder: Path, seed: int, seconds: float, workers: int) -> tuple[int, in
             off, half = clock.delay_s - delay, (clock.high_s - clock.low_s) / 2
             held, told = held + (clock.low_s <= delay <= clock.high_s), told + 1
             line = f"delay {1e3 * delay:+.1f} ms, off by {1e3 * off:+.2f}, half {1e3 * half:.2f}"
-        print(f"  camera {stream.camera}: {good}; exchanged prints: {said or "none"}; {line}")
+        print(f"  camera {stream.camera}: {good}; exchanged prints: {said or 'none'}; {line}")
         print(
             f"    AD2.3's way off by [ms]: {published(drive.odometry, stream, delay)}", flush=True
         )
