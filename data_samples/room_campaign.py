@@ -1,12 +1,13 @@
 """A synthetic room as a campaign folder: survey, scans and images of one room together."""
 
 from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from data_samples.rendering.campaign import render_all
-from data_samples.rendering.drive import DriveSettings, film
+from data_samples.rendering.drive import DriveSettings, FilmedDrive, film
 from data_samples.rendering.files import make_room_with_cameras, vision_texts, write_images
 from data_samples.rendering.planned import planned_cameras
 from data_samples.rooms.cameras import VisionSettings
@@ -16,6 +17,9 @@ from data_samples.rooms.laser_campaign import LaserSimulation, laser_files
 from data_samples.rooms.rooms import RoomSettings, make_room
 from data_samples.rooms.simulate import SimulatedCampaign, SimulationSettings, simulate_survey
 from validation.text_files.writing import write_files
+
+_TOGETHER = 100
+"""Frames that are rendered before they are written: some 60 MB."""
 
 
 def write_room(
@@ -81,5 +85,18 @@ def write_room(
     if cameras is not None:
         write_images(folder, cameras, rng, workers, progress)
     if filmed is not None:
-        write_files(folder, dict(render_all(filmed.photographs, seed, workers, progress)))
+        _write_frames(folder, filmed, seed, workers, progress)
     return simulated
+
+
+def _write_frames(
+    folder: Path,
+    filmed: FilmedDrive,
+    seed: int,
+    workers: int,
+    progress: Callable[[float], None] | None,
+) -> None:
+    """The frames of a drive, some at a time: those of minutes do not fit in memory."""
+    frames = render_all(filmed.photographs, seed, workers, progress)
+    while some := dict(islice(frames, _TOGETHER)):
+        write_files(folder, some)

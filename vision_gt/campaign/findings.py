@@ -62,7 +62,7 @@ def vision_findings(outcome: VisionOutcome, surveyed: Sequence[str] = ()) -> lis
     if any(one.code != "corner_noise" for one in causes):
         others = _with_symptoms_gathered(others)
     lacks = lack_findings(outcome.lacks, "warning")
-    wrong, odd = _of_wrong_boards(outcome.oddities)
+    wrong, odd = _of_wrong_boards(outcome)
     others += oddity_findings(odd)
     return [*wrong, *_coverage(outcome, surveyed), *lacks, *causes, *others]
 
@@ -414,19 +414,23 @@ def _steadiness(outcome: VisionOutcome) -> Iterator[Finding]:
         yield Finding("good", f"Cameras that did not move: {_listed(steady)}.", SUBJECT, "steady")
 
 
-def _of_wrong_boards(
-    oddities: Sequence[tuple[str, str]],
-) -> tuple[list[Finding], list[tuple[str, str]]]:
+def _of_wrong_boards(outcome: VisionOutcome) -> tuple[list[Finding], list[tuple[str, str]]]:
     """What is said of boards that were stated wrongly, and the other oddities.
 
-    Said first: what the images do not give, as a chain to a camera, comes of it.
+    Said first: what the images do not give, as a chain to a camera, comes of it. It is an error
+    where poses are missing.
     """
+    oddities = outcome.oddities
     several = Counter(what for _, what in oddities)
     wrong = [one for one in oddities if stated_wrongly(one[1]) and several[one[1]] > 1]
-    return list(oddity_findings(wrong)), [one for one in oddities if one not in wrong]
+    costs = any(lack.costs_poses for lack in outcome.lacks)
+    told = oddity_findings(wrong, "error" if costs else "warning")
+    return list(told), [one for one in oddities if one not in wrong]
 
 
-def oddity_findings(oddities: Sequence[tuple[str, str]]) -> Iterator[Finding]:
+def oddity_findings(
+    oddities: Sequence[tuple[str, str]], severity: Severity = "warning"
+) -> Iterator[Finding]:
     """Images with something odd about them, by what it is: how many, and the first few."""
     kinds: dict[str, list[str]] = {}
     for image, what in oddities:
@@ -435,4 +439,4 @@ def oddity_findings(oddities: Sequence[tuple[str, str]]) -> Iterator[Finding]:
         size = Size("images", len(images), "images")
         count = f"{len(images)} images, " if len(images) > 1 else ""
         said = f"{count}{_listed(images, 6)}: {what}."
-        yield Finding("warning", said, SUBJECT, "image", (size,))
+        yield Finding(severity, said, SUBJECT, "image", (size,))

@@ -93,8 +93,10 @@ def finish(begun: Begun) -> VisionOutcome:
     stops = stops_of(given, detections, solution.network, layout.layout)
     progress("looking for causes of what does not fit", 0.93)
     seen = seen_of(given, begun, solution, (frames, walker, detections), layout, stops)
-    diagnosis = _diagnosis(seen, lacks)
     validation = validation_table(campaign)
+    if validation is not None:
+        seen = replace(seen, surveyed=dict(zip(validation.ids, validation.poses, strict=True)))
+    diagnosis = _diagnosis(seen, lacks)
     return VisionOutcome(
         given.settings,
         calibrations,

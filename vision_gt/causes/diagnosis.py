@@ -1,7 +1,7 @@
 """Which hypothesis explains best what does not fit, and whether that is enough to be told."""
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -11,7 +11,7 @@ from scipy import special
 from validation.errors import GtvalError
 from validation.pieces.results import kept_result
 from validation.poses.angles import Array, wrap
-from validation.statistics.hypotheses import Ranking, Tried, ranked
+from validation.statistics.hypotheses import RIVAL, Ranking, Tried, ranked
 from vision_gt.causes.effects import (
     Effect,
     Moved,
@@ -20,7 +20,7 @@ from vision_gt.causes.effects import (
     all_effects,
 )
 from vision_gt.causes.evidence import Evidence, Seen, evidence_of
-from vision_gt.causes.exchanges import Exchanged, exchanges
+from vision_gt.causes.exchanges import Exchanged, exchanges, surveyed_rightly
 from vision_gt.causes.linear import Linear
 from vision_gt.causes.trial import Noise, Solved, solved, with_noise, with_own_noise
 from vision_gt.least_squares.adjustment import MAX_STEPS, NotDeterminedError
@@ -48,6 +48,11 @@ judgement, seven times `LEAST_GAIN`."""
 _LEAST_PRINT = 0.002
 """Share of a length below which it is no cause. Paper changes by 1 to 2 per mille with the weather,
 and in overexposed images, compressed as JPEG, white eats 0.8 to 0.9 per mille of the markers."""
+_LEAST_FOCAL = 0.005
+"""The same of a focal length that moves no pose: a judgement. Warmth and a lens that is screwed in
+anew change it by 1 to 2 per mille, a focus that was touched by per cents."""
+_LEAST_LENS = 5.0
+"""Pixels of focal length or principal point, likewise."""
 _GLANCE = 8
 """Steps of the adjustment after which it is seen whether an exchange explains anything: good starts
 need five to ten."""
@@ -67,12 +72,15 @@ class Cause:
         Its numbers: a share; or metres and radians.
     solution : Solved
         Everything, with it taken into account.
+    moments : tuple of str
+        Stops since which it may have been, of a move: nothing tells which.
     """
 
     effect: Effect
     size: Array
     sigma: Array
     solution: Solved
+    moments: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,11 +112,24 @@ class Diagnosis:
         effect = best.what.effect
         gradual = isinstance(effect, Scaled) or effect.kind == "lens"
         matters = not gradual or self._moved > _LEAST_HARM
-        if isinstance(effect, Scaled) and effect.what == "size":
+        if isinstance(effect, Scaled):
             # Poses may be right by what else is known: what was stated is wrong all the same.
-            matters = matters or gained > _SURE_GAIN
-            matters = matters and abs(best.what.size[0]) > _LEAST_PRINT
+            share, lens = abs(best.what.size[0]), effect.what == "focal"
+            sure = gained > _SURE_GAIN and share > (_LEAST_FOCAL if lens else _LEAST_PRINT)
+            matters = sure or (matters and (lens or share > _LEAST_PRINT))
+        elif effect.kind == "lens":
+            far = float(np.abs(best.what.size[:4]).max()) > _LEAST_LENS
+            matters = matters or (gained > _SURE_GAIN and far)
         return best.what if gained > LEAST_GAIN and matters else None
+
+    @property
+    def alike(self) -> tuple[Effect, ...]:
+        """The best hypothesis and others of its kind, which nothing tells apart from it.
+
+        The images of the same stops of another camera, or another moment of the same move.
+        """
+        best = self.ranking.best.what.effect
+        return (best, *(o.what.effect for o in self.ranking.rivals() if best.like(o.what.effect)))
 
     @property
     def _moved(self) -> float:
@@ -123,14 +144,23 @@ class Diagnosis:
 
     @cached_property
     def shifts(self) -> Array:
-        """(s, 3) best hypothesis minus result: x, y (metres), theta (radians) of each stop."""
-        after = self.ranking.best.what.solution
+        """(s, 3) best hypothesis minus result: x, y (metres), theta (radians) of each stop.
+
+        Of several that nothing tells apart (`alike`) the largest.
+        """
+        tried = {one.what.effect: one.what.solution for one in self.ranking.tried}
+        every = np.array([self._off(tried[effect]) for effect in self.alike])
+        largest = np.linalg.norm(every[:, :, :2], axis=2).argmax(0)
+        return np.asarray(np.take_along_axis(every, largest[None, :, None], axis=0)[0])
+
+    def _off(self, after: Solved) -> Array:
+        """(s, 3) a solution minus result, of the stops of the best hypothesis."""
         place = {name: i for i, name in enumerate(after.evidence.bodies)}
-        T = after.setup.T_world_body
+        bodies, T = set(self.ranking.best.what.solution.evidence.bodies), after.setup.T_world_body
         off = [
-            planar_pose(T[place[f"stop {stop}"]]) - pose
+            planar_pose(T[place[name]]) - pose if (name := f"stop {stop}") in place else np.zeros(3)
             for stop, (pose, _) in self.seen.results.items()
-            if f"stop {stop}" in place
+            if f"stop {stop}" in bodies
         ]
         shifts = np.array(off).reshape(-1, 3)
         shifts[:, 2] = wrap(shifts[:, 2])
@@ -186,7 +216,11 @@ def diagnose(seen: Seen) -> Diagnosis:
     tried = [nothing, *_climbed(promising, null)]
     best = min(tried, key=lambda one: one.criterion)
     if best.chi_squared > _BAD * best.freedom or _strangers(seen):
-        tried += _exchanged(seen, null, noise)
+        tried += _exchanged(exchanges(seen), seen, null, noise)
+    elif best.what.effect.kind in {"lens", "focal_length"}:
+        # One of many cameras with the file of another one: the rest fits.
+        files = (e for e in exchanges(seen) if e.kind == "camera_files_exchanged")
+        tried += _exchanged(files, seen, null, noise)
     return Diagnosis(ranked(tried), nothing, noise, seen)
 
 
@@ -196,7 +230,7 @@ def _strangers(seen: Seen) -> bool:
 
 
 def _climbed(effects: Sequence[Effect], null: Solved) -> list[Tried[Cause]]:
-    """Hypotheses solved in full; of the best one also the moments before and after."""
+    """Hypotheses solved in full; of those as good as the best also the moments beside theirs."""
     tried: list[Tried[Cause]] = []
     left, known = list(effects), set[Effect]()
     while left:
@@ -206,24 +240,38 @@ def _climbed(effects: Sequence[Effect], null: Solved) -> list[Tried[Cause]]:
             one = _tried(effect, null)
         except (NotDeterminedError, np.linalg.LinAlgError):
             continue
-        if one.criterion < min((other.criterion for other in tried), default=np.inf):
+        if one.criterion < min((other.criterion for other in tried), default=np.inf) + RIVAL:
             left += [e for e in _neighbours(effect, null.evidence) if e not in known]
         tried.append(one)
     return tried
 
 
-def _exchanged(seen: Seen, null: Solved, noise: Sequence[Noise]) -> list[Tried[Cause]]:
-    """What may have been exchanged, at a glance; the best of it solved in full."""
-    tried = []
-    for effect in exchanges(seen):
+def _exchanged(
+    effects: Iterable[Exchanged], seen: Seen, null: Solved, noise: Sequence[Noise]
+) -> list[Tried[Cause]]:
+    """What may have been exchanged, at a glance; the best of it solved in full.
+
+    Where two cameras see two stops, what is exchanged may be the images of either: images do not
+    tell, only the survey does.
+    """
+    found: dict[Exchanged, Tried[Cause]] = {}
+    for effect in effects:
         with contextlib.suppress(NotDeterminedError, np.linalg.LinAlgError):
-            tried.append(_reread(effect, seen, null, noise))
-    if tried:
-        at = int(np.argmin([one.criterion for one in tried]))
-        best = tried[at].what.effect
-        if isinstance(best, Exchanged):
-            tried[at] = _reread(best, seen, null, noise, MAX_STEPS)
-    return tried
+            found[effect] = _reread(effect, seen, null, noise)
+    if not found:
+        return []
+    best = min(found, key=lambda effect: found[effect].criterion)
+    same = [effect for effect in found if best.like(effect)]
+    for effect in same:
+        found[effect] = _reread(effect, seen, null, noise, MAX_STEPS)
+    right = [effect for effect in same if surveyed_rightly(effect, seen)]
+    if len(same) > len(right) == 1:
+        told = found[right[0]]
+        for effect in same:
+            del found[effect]
+        effect = replace(right[0], by_survey=True)
+        found[effect] = replace(told, what=replace(told.what, effect=effect))
+    return list(found.values())
 
 
 @kept_result()

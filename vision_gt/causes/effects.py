@@ -72,6 +72,10 @@ class Effect(ABC):
     since: str = ""
     places: int = field(default=1, compare=False)
 
+    def like(self, other: "Effect") -> bool:
+        """Whether another hypothesis is the same but for what may be hard to tell."""
+        return self == other
+
     @property
     @abstractmethod
     def prior(self) -> Array:
@@ -157,6 +161,10 @@ class Moved(Effect):
     def prior(self) -> Array:
         """(6,) of translation and turn."""
         return CAMERA_RANGE if self.kind == "camera_moved" else MARKER_RANGE
+
+    def like(self, other: Effect) -> bool:
+        """Whether another one is the same move at some moment."""
+        return (self.kind, self.subject) == (other.kind, other.subject)
 
     def holds(self, evidence: Evidence) -> Mask:
         """(g,) whether a group is seen by what moved, after it moved."""

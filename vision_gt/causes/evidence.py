@@ -73,6 +73,9 @@ class Seen:
         Cameras whose lens comes from a file.
     results : mapping of str to ((3,) array, (3, 3) array)
         The poses x, y, theta that the usual solution gives for stops, and their covariances.
+    surveyed : mapping of str to (3,) array
+        The poses x, y, theta that the survey gives for stops. No number hangs on them; they tell
+        apart what no image can.
     """
 
     cameras: tuple[Camera, ...]
@@ -89,6 +92,7 @@ class Seen:
     floor: Floor
     from_files: tuple[str, ...] = ()
     results: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
+    surveyed: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -27,14 +27,22 @@ class Exchanged(Effect):
         Two cameras, whose files ('camera_files_exchanged') or images of the stops
         ('cameras_exchanged') are exchanged; or two stops of the camera ``subject``, whose images
         are ('images_exchanged').
+    by_survey : bool
+        Whether the survey alone tells that it is not another camera's images of these stops.
     """
 
     pair: tuple[str, str] = ("", "")
+    by_survey: bool = False
 
     @property
     def prior(self) -> Array:
         """(0,): there are no numbers."""
         return np.zeros(0)
+
+    def like(self, other: Effect) -> bool:
+        """Whether both are of one pair, of whatever camera."""
+        pair = other.pair if isinstance(other, Exchanged) else None
+        return self.kind == other.kind and self.pair == pair
 
     def gain(self, linear: Linear) -> Gain:
         """Nothing to first order: it is no small change."""
@@ -97,6 +105,33 @@ def _stops_exchanged(seen: Seen) -> Iterator[Exchanged]:
     n = max(len(states), 2)
     for one in found.values():
         yield replace(one, places=n * (n - 1) // 2)
+
+
+def surveyed_rightly(effect: Exchanged, seen: Seen) -> bool | None:
+    """Whether the survey has the robot at two stops where the cameras see it, once read rightly.
+
+    Parameters
+    ----------
+    effect : Exchanged
+        Of the images of two stops.
+    seen : Seen
+        As it was read at first.
+
+    Returns
+    -------
+    bool or None
+        None where one of the stops was not surveyed.
+    """
+    if not all(stop in seen.surveyed for stop in effect.pair):
+        return None
+    a, b = effect.pair
+    other = {a: b, b: a}
+    # Of the camera's own images each is of the other stop; all cameras see the robot there.
+    return all(
+        _near(planar_pose(T), seen.surveyed[other[stop] if camera == effect.subject else stop])
+        for (camera, stop), T in seen.T_gtv_robot.items()
+        if stop in other
+    )
 
 
 def _near(a: Array, b: Array) -> bool:

@@ -1,6 +1,7 @@
 """A cause in words: what is wrong, by how much, what it spoils, and what to do."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -49,6 +50,9 @@ def cause_finding(diagnosis: Diagnosis) -> Finding | None:
     if cause is None:
         return None
     effect = cause.effect
+    if isinstance(effect, Exchanged) and len(diagnosis.alike) > 1:
+        return _either(diagnosis)
+    cause = replace(cause, moments=tuple(one.since for one in diagnosis.alike))
     between = f"{_spoilt(diagnosis)}{_odds(diagnosis)}"
     # Poses are off by their distance from the camera times that.
     scaled = effect.kind in _KEYS and abs(cause.size[0]) > _LARGE_PRINT
@@ -159,8 +163,11 @@ def _when(cause: Cause, always: str) -> str:
     effect = cause.effect
     assert isinstance(effect, Moved)
     named = effect.stops(cause.solution.evidence)
-    at = named.index(effect.since)
-    return always if at == 0 else f"between stop {named[at - 1]} and stop {effect.since}"
+    since = [named.index(stop) for stop in (effect.since, *cause.moments)]
+    first, last = min(since), named[max(since)]
+    if first == 0:
+        return always if max(since) == 0 else f"at some time before stop {last}"
+    return f"between stop {named[first - 1]} and stop {last}"
 
 
 def _place(cause: Cause, severity: Severity, joined: Joined) -> Finding:
@@ -197,6 +204,8 @@ def _exchanged(cause: Cause, severity: Severity, joined: Joined) -> Finding:
     a, b = effect.pair
     if effect.kind == "images_exchanged":
         text = f"The images of stops {a} and {b} of camera {effect.subject} are exchanged."
+        if effect.by_survey:
+            text += " That it is this camera's, only the survey of the stops tells."
         do = "Exchange their file names."
         subject = f"camera {effect.subject}"
     elif effect.kind == "cameras_exchanged":
@@ -208,6 +217,21 @@ def _exchanged(cause: Cause, severity: Severity, joined: Joined) -> Finding:
     return Finding(severity, joined(text, do), subject, "exchanged", ())
 
 
+def _either(diagnosis: Diagnosis) -> Finding:
+    """Images of two stops that are exchanged, of one camera or of another."""
+    best = diagnosis.alike[0]
+    assert isinstance(best, Exchanged)
+    a, b = best.pair
+    cameras = [effect.subject for effect in diagnosis.alike]
+    text = (
+        f"The images of stops {a} and {b} are exchanged, those of camera "
+        f"{' or those of camera '.join(cameras)}: what the cameras see does not tell which, a "
+        f"survey of these stops would. {_spoilt(diagnosis, 'may spoil')}{_odds(diagnosis)} Look at "
+        "the images, and exchange the file names of that camera."
+    )
+    return Finding("error", text, f"cameras {'-'.join(cameras)}", "exchanged", ())
+
+
 _TELLERS: dict[str, Callable[[Cause, Severity, Joined], Finding]] = {
     "size": _size,
     "lens": _lens,
@@ -217,7 +241,7 @@ _TELLERS: dict[str, Callable[[Cause, Severity, Joined], Finding]] = {
 }
 
 
-def _spoilt(diagnosis: Diagnosis) -> str:
+def _spoilt(diagnosis: Diagnosis, spoils: str = "spoils") -> str:
     """How many poses it moves, and by how much."""
     shifts = np.linalg.norm(diagnosis.shifts[:, :2], axis=1)
     spoilt = diagnosis.harm > _ERROR
@@ -226,7 +250,7 @@ def _spoilt(diagnosis: Diagnosis) -> str:
     largest = 1e3 * float(shifts[spoilt].max())
     count = int(spoilt.sum())
     stops = "the pose of 1 stop" if count == 1 else f"the poses of {count} stops"
-    return f"It spoils {stops}, by up to {largest:.1f} mm."
+    return f"It {spoils} {stops}, by up to {largest:.1f} mm."
 
 
 def _odds(diagnosis: Diagnosis) -> str:
@@ -236,7 +260,11 @@ def _odds(diagnosis: Diagnosis) -> str:
     text = " The odds against 'nothing is wrong' are more than a million to one."
     if odds < 1e6:
         text = f" The odds against 'nothing is wrong' are {odds:.2g} to one."
-    rivals = [one.what for one in ranking.rivals() if one is not diagnosis.nothing]
+    rivals = [
+        one.what
+        for one in ranking.rivals()
+        if one is not diagnosis.nothing and one.what.effect not in diagnosis.alike
+    ]
     if rivals:
         others = " ".join(said_of(one) for one in rivals)
         text += f" What else would explain it nearly as well: {others}"
@@ -272,7 +300,8 @@ def _worse_finding(noise: Sequence[Noise]) -> Finding | None:
     found = []
     hung = [one for one in noise if one.camera != WALK]
     for one in hung:
-        others = [o for o in hung if o.kind == one.kind and o.camera != one.camera]
+        same = [o for o in hung if (o.kind, o.calibrated) == (one.kind, one.calibrated)]
+        others = [o for o in same if o.camera != one.camera]
         if others:
             times = one.scatter / float(np.median([o.scatter for o in others]))
             unsure = max(o.sigma / o.factor for o in others)

@@ -137,6 +137,8 @@ class Noise:
         Degrees of freedom that their poses leave: a marker's four corners have two.
     stated : float
         Median standard deviation of a coordinate as the detector states it, pixels.
+    calibrated : bool
+        Whether images of its calibration are among them: their boards are others, and nearer.
     """
 
     kind: str
@@ -145,6 +147,7 @@ class Noise:
     corners: int
     freedom: float
     stated: float
+    calibrated: bool = False
 
     @property
     def sigma(self) -> float:
@@ -178,7 +181,8 @@ def with_own_noise(evidence: Evidence) -> tuple[Evidence, tuple[Noise, ...]]:
             found = float(sigma_from_median(residuals[own].ravel()))
             found *= float(np.sqrt(2 * own.sum() / weights[own].sum()))
             usual, freedom = float(np.median(stated[own])), float(weights[own].sum())
-            told.append(Noise(kind, name, found, int(own.sum()), freedom, usual))
+            known = kind == "boards" and calibrated(evidence, name)
+            told.append(Noise(kind, name, found, int(own.sum()), freedom, usual, known))
     return with_noise(evidence, told), tuple(told)
 
 

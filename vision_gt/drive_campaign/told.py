@@ -1,6 +1,6 @@
 """What a person should read about a drive that cameras saw: findings, facts, tables, files."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from types import ModuleType
 
 import numpy as np
@@ -11,8 +11,8 @@ from validation.trajectories.clock.tables import jump_findings
 from validation.trajectories.correlation_telling import correlation_section
 from validation.trajectories.formats import trajectory_text
 from vision_gt.drive_campaign.solve import CampaignDrive
-from vision_gt.driving.drive import SYSTEM
-from vision_gt.driving.stream import Stream, Verdict
+from vision_gt.driving.drive import SYSTEM, DriveOutcome
+from vision_gt.driving.stream import FEWEST, Stream, Verdict
 
 FEW_SUPPORTED = 0.95
 """Share of the trajectory with frames on both sides, below which it is a warning: cameras that are
@@ -53,17 +53,8 @@ def drive_findings(drive: CampaignDrive) -> Iterator[Finding]:
         severity: Severity = "good" if share >= FEW_SUPPORTED else "warning"
         size = (Size("share of the trajectory with frames on both sides", share),)
         yield Finding(severity, text, SYSTEM, "drive_seen", size)
-    for name, said in outcome.left_out.items():
-        if outcome.trajectory is not None:
-            text = f"Camera {name} is not in the trajectory: {said}."
-            if posed.get(name, 0) and name in outcome.clocks:
-                text += (
-                    f" Its {posed[name]} poses are kept, on its own clock ('clock unknown'). State "
-                    "[vision.drive] odometry; or one_clock = true, if its stamps are of one clock "
-                    "with those of the others."
-                )
-            size = (Size("frames with a pose", posed.get(name, 0), "frames"),)
-            yield Finding("warning", text, f"vision_{name}", "camera_left_out", size)
+    if outcome.trajectory is not None:
+        yield from _left_out(outcome, posed)
     if outcome.assumed:
         text = (
             f"What cameras {', '.join(outcome.assumed)} saw does not tell their delays: their "
@@ -82,6 +73,22 @@ def drive_findings(drive: CampaignDrive) -> Iterator[Finding]:
     for name in drive.strangers:
         text = f"The frames of camera {name} are not used: the network has no such camera."
         yield Finding("warning", text, f"vision_{name}", "unknown_camera")
+
+
+def _left_out(outcome: DriveOutcome, posed: Mapping[str, int]) -> Iterator[Finding]:
+    """Cameras that are not in the trajectory, with the number of their poses."""
+    for name, said in outcome.left_out.items():
+        text, count = f"Camera {name} is not in the trajectory: {said}.", posed.get(name, 0)
+        if name not in outcome.clocks:
+            text += f" {count} of its frames have one, and {FEWEST} are the fewest."
+        elif count:
+            text += (
+                f" Its {count} poses are kept, on its own clock ('clock unknown'). State "
+                "[vision.drive] odometry; or one_clock = true, if its stamps are of one clock "
+                "with those of the others."
+            )
+        size = (Size("frames with a pose", count, "frames"),)
+        yield Finding("warning", text, f"vision_{name}", "camera_left_out", size)
 
 
 def _of_camera(stream: Stream, unread: int) -> Iterator[Finding]:
@@ -118,8 +125,8 @@ def drive_table(drive: CampaignDrive) -> Table:
                 *(one.count(verdict) for verdict in WHY_NOT),
                 round(float(np.median(sigmas[:, :2])) * 1e3, 1) if len(sigmas) else None,
                 round(float(np.median(sigmas[:, 2])) * 1e3, 1) if len(sigmas) else None,
-                delay,
-                half,
+                delay or None,
+                half or None,
             ]
         )
     heads = ["camera", "frames", "kept", *WHY_NOT]
@@ -129,8 +136,10 @@ def drive_table(drive: CampaignDrive) -> Table:
 
 def parts_of_delays(drive: CampaignDrive) -> Table:
     """The delays of all cameras by parts of the drive."""
+    fused = drive.outcome.trajectory
+    begin = 0 if fused is None else fused.epoch
     parts = [
-        (name, clock.epoch, part)
+        (name, clock.epoch - begin, part)
         for name, clock in drive.outcome.clocks.items()
         if clock.verdict == "determined"
         for piece in clock.pieces or (clock,)
@@ -140,14 +149,15 @@ def parts_of_delays(drive: CampaignDrive) -> Table:
         "Delays by parts of the drive",
         [
             ("camera", "", [name for name, _, _ in parts]),
-            ("from [s]", ".1f", [part.first_s + epoch for _, epoch, part in parts]),
-            ("to [s]", ".1f", [part.last_s + epoch for _, epoch, part in parts]),
+            ("from [s]", ".1f", [part.first_s + after for _, after, part in parts]),
+            ("to [s]", ".1f", [part.last_s + after for _, after, part in parts]),
             ("delay [ms]", "+.1f", [1e3 * part.delay_s for _, _, part in parts]),
             ("low [ms]", "+.1f", [1e3 * part.low_s for _, _, part in parts]),
             ("high [ms]", "+.1f", [1e3 * part.high_s for _, _, part in parts]),
         ],
-        note="Against the odometry. What it is off by lasts for seconds, and makes parts differ by "
-        "some milliseconds more than their intervals say.",
+        note=f"Against the odometry; seconds after {begin}, as in the figure below. What the "
+        "odometry is off by lasts for seconds, and makes parts differ by some milliseconds more "
+        "than their intervals say.",
     )
 
 

@@ -93,8 +93,12 @@ def solve_drive(
     """
     seen = {s.camera: t for s in streams if (t := s.trajectory(whole=False)) is not None}
     left_out = {s.camera: "too few poses" for s in streams if s.camera not in seen}
+    judged = {
+        s.camera: s if s.camera in seen else s.judged(np.ones(s.posed.sum(), bool), "clock unknown")
+        for s in streams
+    }
     if not seen:
-        return DriveOutcome(tuple(streams), left_out=left_out)
+        return DriveOutcome(tuple(judged.values()), left_out=left_out)
     clocks, reference = _clocks(streams, seen, odometry, window, progress)
     known = {name: clock for name, clock in clocks.items() if clock.verdict == "determined"}
     untold = [name for name in seen if name not in known and name != reference]
@@ -105,7 +109,6 @@ def solve_drive(
         if odometry is not None and best is not None:
             known |= dict.fromkeys(assumed, best)
     left_out |= {name: _why(clocks[name]) for name in untold}
-    judged = {s.camera: s for s in streams}
     for name in untold:
         judged[name] = judged[name].judged(np.ones(len(seen[name]), dtype=bool), "clock unknown")
     used = [name for name in seen if name not in left_out]

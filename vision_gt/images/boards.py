@@ -60,11 +60,14 @@ class FoundBoard:
         Where.
     sigmas : (n,) array, optional
         Standard deviation of each coordinate, pixels, where it is known.
+    instead : str
+        What the board is where it is not the stated one, though its corners are found.
     """
 
     ids: Ints
     pixels: Array
     sigmas: Array | None = None
+    instead: str = ""
 
 
 @dataclass(frozen=True)
@@ -147,19 +150,40 @@ def look_for_boards(
         What other images show where these boards were stated: then that alone is looked for, as
         the search for anything else takes seconds.
     """
+    if perhaps and all(board.family is None for board in boards):
+        likely = _as_others(image, boards, perhaps, [])
+        if likely.instead:
+            return likely
+    found, left, strange = _stated(image, boards, detector)
+    if strange or any(one is not None for one in found):
+        said = strange or _perhaps_inverted(image, boards, found)
+        return BoardLook(found, left, said)
+    return _as_others(image, boards, perhaps, left) if perhaps else _instead(image, boards, left)
+
+
+def _stated(
+    image: Image, boards: Sequence[Board], detector: Detector
+) -> tuple[tuple[FoundBoard | None, ...], tuple[Rejection, ...], str]:
+    """The stated boards, what was left out, and what one of them is that is read but not right."""
     found: list[FoundBoard | None] = []
     left: list[Rejection] = []
+    strange = ""
     for board in boards:
         if board.family is None:
             found.append(_plain(image, board, detector))
             continue
-        one, rest = _find_charuco(image, board)
+        one, rest = _find_charuco(image, board, boards)
+        if one is not None and one.instead:
+            strange, rest = one.instead, [rejected("board", one.instead, None, hull(one.pixels))]
+            one = None
         found.append(one)
         left += rest
-    if any(one is not None for one in found):
-        return BoardLook(tuple(found), tuple(left), _perhaps_inverted(image, boards, found))
-    if perhaps:
-        return _as_others(image, boards, perhaps, left)
+    return tuple(found), tuple(left), strange
+
+
+def _instead(image: Image, boards: Sequence[Board], left: Sequence[Rejection]) -> BoardLook:
+    """What an image shows that has none of the stated boards."""
+    nothing = (None,) * len(boards)
     for place, board in enumerate(boards):
         instead = what_instead(image, board, boards)
         if instead is None:
@@ -167,11 +191,11 @@ def look_for_boards(
         if instead.board is not None:
             one, rest = _find_charuco(image, instead.board)
             if one is not None:
-                found[place] = one
-                return BoardLook(tuple(found), tuple(rest), instead.name)
-        left.append(rejected("board", instead.name, None, instead.outline))
-        return BoardLook(tuple(found), tuple(left), instead.name)
-    return BoardLook(tuple(found), tuple(left))
+                found = (*nothing[:place], one, *nothing[place + 1 :])
+                return BoardLook(found, tuple(rest), instead.name)
+        told = rejected("board", instead.name, None, instead.outline)
+        return BoardLook(nothing, (*left, told), instead.name)
+    return BoardLook(nothing, tuple(left))
 
 
 def _plain(image: Image, board: Board, detector: Detector) -> FoundBoard | None:
@@ -188,7 +212,10 @@ def _as_others(
     """Whether an image without the stated boards shows what others show."""
     for board in boards:
         other = as_named(board, name)
-        seen = None if other is None else _find_charuco(image, other)[0]
+        if other is None:
+            continue
+        plain = other.family is None
+        seen = _plain(image, other, "fitted") if plain else _find_charuco(image, other)[0]
         if seen is not None:
             told = rejected("board", name, None, hull(seen.pixels))
             return BoardLook((None,) * len(boards), (*left, told), name)
@@ -267,9 +294,11 @@ def _starts_black(image: Image, grid: Array, board: Board) -> bool:
     return bool((grey[like_first].mean() < grey[~like_first].mean()) != board.inverted)
 
 
-def _find_charuco(image: Image, board: Board) -> tuple[FoundBoard | None, list[Rejection]]:
+def _find_charuco(
+    image: Image, board: Board, beside: Sequence[Board] = ()
+) -> tuple[FoundBoard | None, list[Rejection]]:
     """A ChArUco board: fitted corners; those of OpenCV's that no fit explains are kept, rougher."""
-    start = charuco_corners(image, board)
+    start = charuco_corners(image, board, beside)
     if start is None:
         return None, []
     ids, stock = start.ids, start.pixels
@@ -302,7 +331,7 @@ def _find_charuco(image: Image, board: Board) -> tuple[FoundBoard | None, list[R
     kept = ~wrong
     if kept.sum() < _LEAST_SEEN:
         return None, left
-    return FoundBoard(ids[kept], pixels[kept], sigmas[kept]), left
+    return FoundBoard(ids[kept], pixels[kept], sigmas[kept], start.instead), left
 
 
 def _off_neighbours(squares: Array, pixels: Array) -> Array:

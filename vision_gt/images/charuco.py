@@ -1,5 +1,6 @@
 """ChArUco boards in images, and what boards that are not the stated ones are."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -18,6 +19,9 @@ _LEAST_CORNERS = 4
 _ENOUGH_MARKERS, _BORDER = 4, 3.0
 """Markers whose sixteen corners tell where a corner beside one of them is; and pixels that it is at
 least from the image's border."""
+_STRANGERS, _MORE = 4, 12
+"""Markers in line with a board that no stated board has: a code is read by chance once in some
+images, and not in line. And pairs of rows that a board may begin earlier or end later."""
 _AGREES = 0.3
 """Sides of a marker that a corner of it may be from where the board has it: a board that is bent or
 seen through a wide lens is off by a tenth, another layout by more than a half."""
@@ -30,15 +34,19 @@ class CharucoCorners:
     """Corners as OpenCV has them: ids (n,) and pixels (n, 2); some only ``foretold`` (n,).
 
     Those are where the markers around say that a corner is, to a pixel or two: OpenCV names a
-    corner only where it has read both markers beside it.
+    corner only where it has read both markers beside it. ``instead`` says what the board is where
+    its markers have the places of others.
     """
 
     ids: Ints
     pixels: Array
     foretold: npt.NDArray[np.bool_]
+    instead: str = ""
 
 
-def charuco_corners(image: Image, board: Board) -> CharucoCorners | None:
+def charuco_corners(
+    image: Image, board: Board, beside: Sequence[Board] = ()
+) -> CharucoCorners | None:
     """Where a ChArUco board has its corners; None for too few, or for another board.
 
     Parameters
@@ -47,10 +55,13 @@ def charuco_corners(image: Image, board: Board) -> CharucoCorners | None:
         Grey levels.
     board : Board
         As printed: inverted, or of the older layout.
+    beside : sequence of Board
+        Others that may be there as well.
     """
     detector = cv2.aruco.CharucoDetector(board.charuco())
     corners, found, outlines, numbers = detector.detectBoard(as_printed(drawn_apart(image), board))
-    markers = Markers.of(outlines, numbers).of_board(board)
+    every = Markers.of(outlines, numbers)
+    markers = every.of_board(board)
     agrees = _agreeing(board, markers)
     if not agrees.sum() >= max(MOST_AGREE * len(agrees), 1):
         return None
@@ -65,7 +76,57 @@ def charuco_corners(image: Image, board: Board) -> CharucoCorners | None:
         return None
     ids, pixels = np.concatenate([named, others]), np.concatenate([own, more])
     order = np.argsort(ids)
-    return CharucoCorners(ids[order], pixels[order], order >= len(named))
+    instead = _begins_elsewhere(board, every, beside)
+    return CharucoCorners(ids[order], pixels[order], order >= len(named), instead)
+
+
+def _begins_elsewhere(board: Board, markers: "Markers", beside: Sequence[Board]) -> str:
+    """What is said of a board whose ids begin elsewhere than stated; '' where they do not.
+
+    Two rows have as many markers as there are columns. A first id that is wrong by so many, or by
+    a multiple, gives markers the places of others, where they agree as well; but some are seen in
+    line with the board that no stated board has.
+    """
+    stated = np.concatenate([b.first_id + np.arange(b.marker_count) for b in (board, *beside)])
+    strange = ~np.isin(markers.numbers, stated)
+    if board.family is None or strange.sum() < _STRANGERS:
+        return ""
+    two, count = board.columns, board.marker_count
+    most = len(board.family.dictionary.bytesList)
+    before = min(board.first_id // two, _MORE)
+    after = min((most - board.first_id - count) // two, _MORE)
+    longer = replace(
+        board, rows=board.rows + 2 * (before + after), first_id=board.first_id - before * two
+    )
+    own = markers.of_board(board)
+    both = Markers(
+        np.concatenate([own.outlines, markers.outlines[strange]]),
+        np.concatenate([own.numbers, markers.numbers[strange]]),
+    )
+    seen = both.numbers[_agreeing(longer, both)]
+    odd = np.setdiff1d(seen, stated)
+    if len(odd) < _STRANGERS:
+        return ""
+    missing = board.first_id - int(odd.min())
+    too_many = int(odd.max()) - (board.first_id + count - 1)
+    if missing > 0:
+        begins = board.first_id - two * -(-missing // two)
+    elif int(seen.min()) >= board.first_id + two:
+        begins = board.first_id + two * -(-too_many // two)
+    else:  # more rows than stated: what is read of it is right
+        return ""
+    return begins_elsewhere(begins, board)
+
+
+def begins_elsewhere(begins: int, board: Board) -> str:
+    """A board of the stated size, but from another id on, in words."""
+    wanted = f"{board.columns} x {board.rows} were stated"
+    return f"a board whose ids begin at {begins} or near{not_at(board)}; {wanted}"
+
+
+def not_at(board: Board) -> str:
+    """What tells which stated board `begins_elsewhere` is about."""
+    return f", not at {board.first_id}"
 
 
 def _foretold(

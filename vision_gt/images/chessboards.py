@@ -24,6 +24,9 @@ _ALTERNATE = 0.95
 _CLEARLY, _LEAST_SIDE = 0.65, 4
 """Of the way from one colour to the other, and squares in a row: a white rim has half of them
 wrong."""
+_GOES_ON = 0.75
+"""Share of the squares beyond a side's corners that differ from those before: half of them where
+the corners are on the rim, and all is alike beyond."""
 _BY_TURNS = 0.7
 """Share of a found board's squares that are dark and light by turns: half of them by chance, three
 quarters where there are markers in the light ones."""
@@ -100,6 +103,25 @@ def any_size(image: Image) -> Array | None:
     if not seen:
         return None
     return np.asarray(corners, dtype=float).reshape(*np.asarray(meta).shape[:2], 2)
+
+
+def without_rim(image: Image, grid: Array) -> Array:
+    """Corners (r, c, 2) without those on the rim of a board, beyond which no squares go on."""
+    for _ in range(4):
+        grid = np.rot90(grid)
+        last, before = grid[:, -1], grid[:, -2]
+        beyond = 2 * last - before
+        inside, outside = ((last[:-1] + last[1:] + o[:-1] + o[1:]) / 4 for o in (before, beyond))
+        column, row = np.rint(np.stack([inside, outside])).astype(int).transpose(2, 0, 1)
+        if min(column.min(), row.min()) < 0 or grid.shape[1] < _LEAST_SIDE:
+            continue
+        if column.max() >= image.shape[1] or row.max() >= image.shape[0]:
+            continue
+        grey = image[row, column].astype(float)
+        dark = grey < (grey.min() + grey.max()) / 2
+        if (dark[0] != dark[1]).mean() < _GOES_ON:
+            grid = grid[:, :-1]
+    return grid
 
 
 def is_another(

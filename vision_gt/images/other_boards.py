@@ -1,5 +1,6 @@
 """What an image shows where it does not show the stated board."""
 
+import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -10,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
-from vision_gt.images.charuco import MOST_AGREE, Markers, agreement, as_printed
-from vision_gt.images.chessboards import any_size, begin_anew
+from vision_gt.images.charuco import MOST_AGREE, Markers, agreement, as_printed, begins_elsewhere
+from vision_gt.images.chessboards import any_size, begin_anew, without_rim
 from vision_gt.images.reading import read_codes
 from vision_gt.patterns.boards import LEAST_PLAIN, Board
 from vision_gt.patterns.dictionaries import Family
@@ -26,7 +27,7 @@ markers shows 3 ids of 4X4_50 by chance, and those do not agree on a place."""
 _LEAST_SHARE = 0.25
 """Of the black quadrangles, which squares of a board are too, that have to be read as markers of a
 family: 4 x 4 codes of 1,000 ids read one in 16 of any."""
-_FAMILIES = (
+FAMILIES = (
     *(f"{n}X{n}_1000" for n in (4, 5, 6, 7)),
     "ARUCO_ORIGINAL",
     "ARUCO_MIP_36h12",
@@ -57,8 +58,9 @@ class OtherBoard:
     outline: Array
 
 
-EXCHANGED = "rows and columns exchanged"
+EXCHANGED = "one with rows and columns exchanged"
 _WHERE = " where "
+_OF_SQUARES = re.compile(r"a chessboard of (\d+) x (\d+) squares; ")
 _SIZES = range(3, 25)
 """Squares along a board that are thought of where it is not the stated one."""
 _AS_WELL = 0.6
@@ -93,6 +95,9 @@ def as_named(board: Board, name: str) -> Board | None:
     """The board that a name of `what_instead` stands for, where that can be looked for at once."""
     if name == EXCHANGED:
         return replace(board, columns=board.rows, rows=board.columns)
+    squares = _OF_SQUARES.match(name)
+    if board.family is None and squares:
+        return replace(board, columns=int(squares[1]), rows=int(squares[2]))
     family, where, _ = name.partition(_WHERE)
     if not where or board.family is None or " " in family:
         return None
@@ -184,6 +189,9 @@ def _plain(image: Image, board: Board) -> OtherBoard | None:
         return None
     if _faint(image, grid) and (round_ones := circles(image, board)) is not None:
         return round_ones
+    seen, wanted = sorted(grid.shape[:2]), sorted(board.inner)
+    if seen[0] > wanted[0] or seen[1] > wanted[1]:
+        grid = without_rim(image, grid)
     down, across = sorted((grid.shape[0] + 1, grid.shape[1] + 1))
     stated = f"{board.columns} x {board.rows}"
     if board.family is not None:
@@ -261,8 +269,9 @@ def _other_size(image: Image, board: Board, beside: Sequence[Board] = ()) -> Oth
         if best.columns == board.rows and best.first_id == board.first_id:
             return OtherBoard(f"{how}{EXCHANGED}", None, _outline(markers))
         if best.columns == board.columns:
-            said = f"a board whose ids begin at {best.first_id} or near, not at {board.first_id}"
-        elif best.first_id == board.first_id:
+            said = begins_elsewhere(best.first_id, board)
+            return OtherBoard(f"{how}{said}", None, _outline(markers))
+        if best.first_id == board.first_id:
             said += f", {best.rows} or more across"
         wanted = f"{board.columns} x {board.rows} were stated"
         return OtherBoard(f"{how}{said}; {wanted}", None, _outline(markers))
@@ -346,7 +355,7 @@ def other_board(image: Image, board: Board) -> OtherBoard | None:
 def _markers(image: Image, family: Family | None) -> tuple[Markers, Array]:
     """Markers of a family, and all quadrangles (n, 4, 2) that might be some of any."""
     if family is None:
-        family = Family(_FAMILIES[0])
+        family = Family(FAMILIES[0])
     detector = cv2.aruco.ArucoDetector(family.dictionary)
     outlines, numbers, others = detector.detectMarkers(np.ascontiguousarray(image))
     markers = Markers.of(outlines, numbers)
@@ -385,7 +394,7 @@ def _outline(markers: Markers) -> Array:
     return hull(markers.outlines.reshape(-1, 2))
 
 
-def _smallest(name: str, highest: int) -> str:
+def smallest_family(name: str, highest: int) -> str:
     """The smallest of the families with the same codes that has an id so high."""
     kind, _, size = name.partition("_")
     if size != str(_SMALLER[-1]):
@@ -404,14 +413,14 @@ def _other_family(image: Image, quads: Array, board: Board) -> OtherBoard | None
     """Markers of another family than the stated one, among quadrangles (n, 4, 2)."""
     if len(quads) < _LEAST_MARKERS:
         return None
-    read = [(name, read_codes(image, quads, Family(name), 0)) for name in _FAMILIES]
+    read = [(name, read_codes(image, quads, Family(name), 0)) for name in FAMILIES]
     name, most = max(read, key=lambda one: len(set(one[1].numbers.tolist())))
     least = max(_LEAST_MARKERS, _LEAST_SHARE * len(most.bordered))
     if len(set(most.numbers.tolist())) < least:
         return None
     outline = _outline(Markers(quads[most.rows], most.numbers))
     grid = _lined_up(quads[most.rows])
-    named = _smallest(name, _highest(most.numbers, board.columns * board.rows // 2))
+    named = smallest_family(name, _highest(most.numbers, board.columns * board.rows // 2))
     if grid:
         return OtherBoard(_grid_name(named, board), None, outline)
     if board.family is None:

@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
+from vision_gt.images.charuco import not_at
 from vision_gt.images.jobs import BOARD_IS, BoardJob, Found
 from vision_gt.images.kept import KeptDetections, detect_new
 from vision_gt.images.other_boards import named_for_all, stated_wrongly
@@ -34,7 +35,7 @@ def boards_in(
     alike: dict[object, list[int]] = defaultdict(list)
     for number, job in enumerate(jobs):
         alike[tuple(job.boards)].append(number)
-    first = [i for some in alike.values() if _marked(jobs[some[0]]) for i in some[:_FIRST]]
+    first = [i for some in alike.values() for i in some[:_FIRST]]
     found = dict(zip(first, detect_new([jobs[i] for i in first], kept, workers), strict=True))
     hinted = list(jobs)
     for some in alike.values():
@@ -48,11 +49,9 @@ def boards_in(
     for some in alike.values():
         for i, one in _renamed([(i, found[i]) for i in some]):
             found[i] = one
+        for i, one in _with_other_ids(jobs[some[0]], [(i, found[i]) for i in some]):
+            found[i] = one
     return [found[i] for i in range(len(jobs))]
-
-
-def _marked(job: BoardJob) -> bool:
-    return all(board.family is not None for _, board in job.boards)
 
 
 def _wrong(found: Sequence[Found]) -> list[str]:
@@ -78,3 +77,18 @@ def _renamed(found: Sequence[tuple[int, Found]]) -> Iterator[tuple[int, Found]]:
     for number, one in found:
         if name and one.note.startswith(f"{BOARD_IS}{kind}_"):
             yield number, replace(one, note=f"{BOARD_IS}{name}")
+
+
+def _with_other_ids(
+    job: BoardJob, found: Sequence[tuple[int, Found]]
+) -> Iterator[tuple[int, Found]]:
+    """Images of a board whose ids begin elsewhere, which some show too little of to tell it."""
+    for part, board in job.boards:
+        said = [one.note for _, one in found if f"{not_at(board)};" in one.note]
+        if len(said) < _ENOUGH:
+            continue
+        note = max(said, key=said.count)
+        for number, one in found:
+            others = tuple(view for view in one.boards if view.part != part)
+            if len(others) < len(one.boards) or one.note in said:
+                yield number, replace(one, boards=others, note=note)

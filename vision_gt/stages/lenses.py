@@ -1,5 +1,6 @@
 """Boards in the images of a campaign, and the lenses of its cameras."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -9,6 +10,8 @@ from validation.campaign.folder import Campaign
 from validation.errors import GtvalError, InputError
 from validation.systems import Progress, no_progress
 from vision_gt.images.files import Image, read_image
+from vision_gt.images.jobs import BOARD_IS
+from vision_gt.images.other_boards import stated_wrongly
 from vision_gt.network.intrinsics import Calibration, calibrate
 from vision_gt.network.left_out import left_out_views
 from vision_gt.network.solution import NetworkSolution
@@ -115,13 +118,25 @@ def _calibrated(
     """One camera from its calibration images."""
     views = [view for view in boards.get("calibration", ()) if view.camera == name]
     if not views:
-        board = stated(given.settings.board)
-        raise GtvalError(
-            f"camera {name}: none of its {len(given.images.calibration[name])} calibration images "
-            f"shows a board of {board.columns} x {board.rows} squares; count the squares (not the "
-            "inner corners) of yours and correct vision.board"
-        )
+        raise GtvalError(_no_board(given, name))
     return calibrate(name, sizes[name], views)
+
+
+def _no_board(given: VisionInputs, name: str) -> str:
+    """What is said where no calibration image of a camera shows the stated board."""
+    board, paths = stated(given.settings.board), given.images.calibration[name]
+    images = {given.shown(path) for path in paths}
+    notes = Counter(what for image, what in given.oddities if image in images)
+    what, count = next(iter(notes.most_common(1)), ("", 0))
+    seen = (
+        f"in {count} of them {what}" if what.startswith(BOARD_IS) and stated_wrongly(what) else ""
+    )
+    count_them = "count the squares (not the inner corners) of yours"
+    return (
+        f"camera {name}: none of its {len(paths)} calibration images shows a board of "
+        f"{board.columns} x {board.rows} squares; {seen or count_them}{':' if seen else ' and'} "
+        "correct vision.board"
+    )
 
 
 def examples(begun: Begun) -> dict[str, tuple[Image, BoardView]]:

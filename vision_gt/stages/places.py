@@ -8,12 +8,14 @@ from scipy.spatial.transform import RigidTransform
 
 from validation.errors import GtvalError
 from validation.poses.angles import Array
+from validation.results import listed_ids
 from vision_gt.images.markers import Detection
 from vision_gt.network.adjustment import Bar, KnownBody
 from vision_gt.network.chain import NotLinkedError
 from vision_gt.network.solution import NetworkInput, NetworkSolution, solve_network
 from vision_gt.optics.camera import Camera
 from vision_gt.patterns.board_views import BoardView
+from vision_gt.patterns.dictionaries import Family
 from vision_gt.patterns.rejections import rejected
 from vision_gt.robot.layout import Frame, LayoutFit, UnlinkedMarkersError, fit_layout
 from vision_gt.robot.marker_poses import Layout
@@ -21,6 +23,7 @@ from vision_gt.settings import BarSettings, stated
 from vision_gt.stages.inputs import VisionInputs, placed, sides_of
 from vision_gt.stages.lacks import Lack
 from vision_gt.stages.lenses import Begun
+from vision_gt.stages.other_markers import family_instead
 
 
 class NoLayoutError(GtvalError):
@@ -123,7 +126,23 @@ def layout_of(
             ]
             return fit_layout(linked, walker, known, dima_of(given)), walker
     except GtvalError as error:
-        raise NoLayoutError(str(error)) from error
+        raise NoLayoutError(_other_family(given) or str(error)) from error
+
+
+def _other_family(given: VisionInputs) -> str:
+    """What is said where the images show markers of another family; '' where they do not."""
+    markers = given.settings.markers
+    paths = [*(given.walk if given.images.movie else ()), *given.stop_images().values()]
+    found = family_instead(paths, Family(markers.family, markers.border))
+    if found is None:
+        return ""
+    name, border, ids = found
+    wide = f" with a border of {border} cells" if border != markers.border else ""
+    return (
+        f"the images of the robot do not show markers of {markers.family}, as vision.markers "
+        f"states, but of {name}{wide}, ids {listed_ids([str(one) for one in ids])}: correct "
+        "vision.markers.family" + (" and border" if wide else "")
+    )
 
 
 def of_layout(

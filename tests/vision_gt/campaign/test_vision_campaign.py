@@ -27,6 +27,8 @@ from vision_gt.images.markers import detect_markers
 from vision_gt.optics.camera_files import read_cameras
 from vision_gt.settings import FloorSettings, VisionSettings
 from vision_gt.stages.inputs import load_inputs, made_board
+from vision_gt.stages.lacks import Lack
+from vision_gt.stages.places import NoLayoutError
 from vision_gt.system import SYSTEM, result_of
 
 
@@ -300,6 +302,26 @@ def test_a_mirrored_board_is_told_from_one_that_is_not_there(rendered, tmp_path)
         "mirrored": ("the board is mirrored", False),
         "none": ("", False),
     }
+
+
+def test_a_wrong_family_of_markers_is_named_with_the_one_that_is_there(campaign):
+    toml = campaign / "campaign.toml"
+    stated = '[vision.markers]\nfamily = "ARTOOLKITPLUS_SIMPLE"'
+    assert stated in toml.read_text()
+    toml.write_text(toml.read_text().replace(stated, '[vision.markers]\nfamily = "4X4_250"'))
+    with pytest.raises(NoLayoutError, match=r"4X4_250.* but of ARTOOLKITPLUS_SIMPLE, ids 3, 6"):
+        solve_campaign(load_campaign(campaign), workers=1, as_published=False)
+
+
+def test_a_board_stated_wrongly_is_an_error_where_it_costs_poses(outcome):
+    name = "the board is 4X4_100 where 5X5_100 was stated"
+    odd = tuple((f"vision/network/1-2-{i}.png", name) for i in (1, 2))
+    lost = Lack("camera 2", "No chain of views links camera 2.")
+    for lacks, severity in (((), "warning"), ((lost,), "error")):
+        found = vision_findings(replace(outcome, oddities=odd, lacks=lacks))
+        told = [one for one in found if name in one.text]
+        assert [one.severity for one in told] == [severity]
+        assert told == found[:1]
 
 
 def show_a_marker_twice(path) -> int:

@@ -9,10 +9,12 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision_gt.campaign.findings import vision_findings
 from vision_gt.campaign.solve import _diagnosis
+from vision_gt.causes import diagnosis as causes
 from vision_gt.causes.diagnosis import diagnose
-from vision_gt.causes.evidence import BAR, REFERENCE_BOARD, evidence_of
+from vision_gt.causes.evidence import BAR, CALIBRATION, REFERENCE_BOARD, evidence_of
 from vision_gt.causes.reference import reference_turn
 from vision_gt.causes.telling import cause_finding, noise_finding
+from vision_gt.causes.trial import Noise, with_own_noise
 from vision_gt.least_squares.setups import camera_slots
 from vision_gt.optics.lenses import fisheye_parameters
 from vision_gt.optics.transforms import planar_pose, planar_transform
@@ -102,6 +104,18 @@ def test_a_camera_that_was_knocked_is_named_with_the_stop(good):
     assert abs(np.linalg.norm(cause.size[3:]) - 0.006) < 4 * np.linalg.norm(cause.sigma[3:])
 
 
+def test_stops_between_which_nothing_tells_when_a_camera_was_knocked_are_all_named(good):
+    """Turned about the vertical, at stops that no other camera sees: the robot may stand so."""
+    only = [s for s, seen in good.stops.items() if {o.camera for o in seen} == {"1"}]
+    order = [s for s, seen in good.stops.items() if any(o.camera == "1" for o in seen)]
+    upright = good.T_gtv_camera[good.names.index("1")].rotation.inv().apply([0.0, 0.0, 0.006])
+    diagnosis = diagnose(spoilt.camera_turned(good, "1", only[1], upright))
+    assert {one.kind for one in diagnosis.alike} == {"camera_moved"}
+    assert {one.since for one in diagnosis.alike} >= set(only)
+    before = order[order.index(only[0]) - 1]
+    assert f"between stop {before} and stop {only[-1]}." in cause_finding(diagnosis).text
+
+
 def test_a_marker_that_slipped_is_named_with_the_stop(good):
     counts = {}
     for seen in good.stops.values():
@@ -121,12 +135,59 @@ def test_a_marker_that_slipped_is_named_with_the_stop(good):
     assert (np.abs(cause.size - change) < 4 * cause.sigma).all()
 
 
-def test_exchanged_images_of_two_stops_are_named(good):
+def test_exchanged_files_are_sought_where_all_but_a_lens_fits(good, monkeypatch):
+    """As where most cameras are others: chi-squared alone does not ask for it then."""
+    monkeypatch.setattr(causes, "_BAD", np.inf)
+    lenses = {camera.name: camera for camera in good.cameras}
+    swapped = tuple(replace(lenses[{"1": "2", "2": "1"}[n]], name=n) for n in good.names)
+    boards = tuple(v for v in good.boards if spoilt.of_kind(v) != CALIBRATION)
+    seen = replace(good, cameras=swapped, boards=boards, from_files=("1", "2"))
+    cause = diagnose(seen).cause
+    assert cause is not None
+    assert cause.effect.kind == "camera_files_exchanged"
+
+
+@pytest.fixture(scope="module")
+def mixed(good):
+    """Two stops whose images are exchanged, those of camera 1; and where the robot stood."""
     both = [s for s, seen in good.stops.items() if {o.camera for o in seen} >= {"1", "2"}]
     a, b = both[0], both[-1]
-    cause = diagnose(spoilt.stops_exchanged(good, "1", a, b)).cause
-    assert cause is not None
-    assert (cause.effect.kind, cause.effect.pair) == ("images_exchanged", (a, b))
+    stood = {stop: planar_pose(good.T_gtv_robot["1", stop]) for stop in (a, b)}
+    alone = replace(good, surveyed={})
+    return spoilt.stops_exchanged(alone, "1", a, b), (a, b), stood
+
+
+def test_that_images_do_not_tell_whose_are_exchanged_is_said(mixed):
+    # Camera 1 with the images exchanged is camera 2 with its own exchanged, the robot elsewhere.
+    seen, pair, _ = mixed
+    diagnosis = diagnose(seen)
+    assert {one.subject for one in diagnosis.alike} == {"1", "2"}
+    assert {one.pair for one in diagnosis.alike} == {pair}
+    found = cause_finding(diagnosis)
+    assert (found.severity, found.code) == ("error", "exchanged")
+    assert "of camera 1" in found.text
+    assert "of camera 2" in found.text
+    # Whichever it is, the stop that a wrong image gives is off by the way between both.
+    assert (diagnosis.harm > 3).sum() == len(pair)
+
+
+@pytest.mark.parametrize("whose", ["1", "2"])
+def test_the_survey_tells_whose_images_are_exchanged(mixed, whose):
+    seen, (a, b), stood = mixed
+    # Were they camera 2's, the robot stood at the other stop.
+    at = stood if whose == "1" else {a: stood[b], b: stood[a]}
+    noise = np.random.default_rng(3).normal(0, 0.005, (2, 3))
+    surveyed = {stop: pose + off for (stop, pose), off in zip(at.items(), noise, strict=True)}
+    diagnosis = diagnose(replace(seen, surveyed=surveyed))
+    effect = diagnosis.cause.effect
+    assert (effect.subject, effect.pair, effect.by_survey) == (whose, (a, b), True)
+    assert f"of camera {whose} are exchanged" in cause_finding(diagnosis).text
+
+
+def test_a_survey_in_another_frame_tells_nothing(mixed):
+    seen, _, stood = mixed
+    surveyed = {stop: pose + np.array([0.5, 0.5, 0.0]) for stop, pose in stood.items()}
+    assert len(diagnose(replace(seen, surveyed=surveyed)).alike) == 2
 
 
 def test_a_camera_with_rough_corners_is_told_though_the_detector_states_them(good):
@@ -140,12 +201,48 @@ def test_a_camera_with_rough_corners_is_told_though_the_detector_states_them(goo
     assert "of the other cameras" in found.text
 
 
+@pytest.mark.parametrize("alike", [True, False])
+def test_a_camera_without_calibration_images_is_not_measured_by_the_others(outcome, alike):
+    """Its boards are those of the bar alone, which are farther away, and have markers."""
+    noise = (
+        Noise("boards", "1", 1.0, 600, 1100.0, 0.06, calibrated=alike),
+        Noise("boards", "2", 1.0, 900, 1700.0, 0.03, calibrated=True),
+    )
+    found = noise_finding(replace(outcome.diagnosis, noise=noise))
+    assert (found is not None) == alike
+
+
+def test_which_cameras_boards_are_of_their_calibration_is_known(good):
+    boards = tuple(v for v in good.boards if (spoilt.of_kind(v), v.camera) != (CALIBRATION, "1"))
+    _, noise = with_own_noise(evidence_of(replace(good, boards=boards, from_files=("1",))))
+    said = {one.camera: one.calibrated for one in noise if one.kind == "boards"}
+    assert said == {"1": False, "2": True}
+
+
 def test_what_a_fisheye_lens_has_not_is_not_sought(good):
     wide = fisheye_parameters(good.cameras[0].parameters[:4], np.zeros(4))
     cameras = (replace(good.cameras[0], parameters=wide), *good.cameras[1:])
     free = evidence_of(replace(good, cameras=cameras)).knowledge.free
     assert free[camera_slots(0)].tolist() == [True] * 14 + [False]
     assert free[camera_slots(1)].all()
+
+
+def test_a_wrong_focal_length_is_told_though_it_moves_no_pose_that_is_used(good):
+    """The camera is placed nearer, and another one's poses are used."""
+    sizes = (0.02, 0.003)
+    told = []
+    for size in sizes:
+        diagnosis = diagnose(spoilt.lens_from_file(good, "1", size))
+        best = diagnosis.ranking.best.what
+        after = best.solution.setup
+        # As if all stops were where they were without it.
+        null = replace(diagnosis.nothing.what.solution.adjustment, setup=after)
+        still = replace(diagnosis.nothing.what.solution, adjustment=null)
+        nothing = replace(diagnosis.nothing, what=replace(diagnosis.nothing.what, solution=still))
+        told.append(replace(diagnosis, nothing=nothing).cause)
+    assert told[0] is not None
+    assert told[0].effect.what == "focal"
+    assert told[1] is None
 
 
 def test_that_no_cause_was_looked_for_is_said(good):

@@ -73,6 +73,11 @@ def test_a_camera_without_frames_is_named(two_cameras):
     gone = second.judged(np.ones(int(second.kept.sum()), dtype=bool))
     outcome = solve_drive([first, gone], two_cameras.odometry)
     assert outcome.left_out[second.camera] == "too few poses"
+    two = np.zeros(int(second.kept.sum()), dtype=bool)
+    two[2:] = True
+    few = solve_drive([first, second.judged(two)], two_cameras.odometry)
+    assert few.streams[1].count("clock unknown") == 2
+    assert not few.streams[1].kept.any()
     nothing = solve_drive([gone], two_cameras.odometry)
     assert nothing.trajectory is None
 

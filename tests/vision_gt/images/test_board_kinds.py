@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from validation.errors import GtvalError
 from vision_gt.images.boards import look_for_boards
+from vision_gt.images.chessboards import without_rim
 from vision_gt.images.jobs import BoardJob, detect_in
 from vision_gt.images.kept import KeptDetections
 from vision_gt.images.other_boards import named_for_all
@@ -214,6 +215,63 @@ def test_boards_of_other_squares_or_ids_are_named(shown, stated, said):
     look = look_for_boards(photograph(shown)[0], [stated])
     assert look.found == (None,)
     assert said in look.instead
+
+
+@pytest.mark.parametrize(("begins", "stated"), [(16, 24), (32, 24), (8, 24), (0, 16)])
+def test_ids_that_are_off_by_pairs_of_rows_are_named(begins, stated):
+    """Two rows have as many markers as columns, so that two thirds of them seem to be right."""
+    shown, wrong = replace(STATED, first_id=begins), replace(STATED, first_id=stated)
+    look = look_for_boards(photograph(shown)[0], [replace(STATED, first_id=60), wrong])
+    assert look.found == (None, None)
+    assert f"ids begin at {begins} or near, not at {stated}; 8 x 6" in look.instead
+    assert [one.kind for one in look.rejected] == ["board"]
+
+
+def test_rows_beyond_the_stated_ones_do_no_harm():
+    longer = replace(STATED, rows=10)
+    image, true = photograph(longer)
+    found = look_for_boards(image, [STATED])
+    assert found.instead == ""
+    assert len(found.found[0].ids) == 35
+    assert missed(found.found[0], true).max() < 0.2
+
+
+def test_an_image_with_too_little_to_tell_other_ids_is_not_used_either(tmp_path):
+    paths = [tmp_path / f"{i}.png" for i in range(5)]
+    shown, wrong = replace(STATED, first_id=16), replace(STATED, first_id=24)
+    for i, path in enumerate(paths):
+        image = photograph(shown)[0]
+        if i == 4:
+            image[:200] = 110  # the rows with the first ids
+            assert look_for_boards(image, [wrong]).found[0] is not None
+        cv2.imwrite(str(path), image)
+    jobs = [BoardJob(path, "1", path.stem, [(0, wrong)]) for path in paths]
+    found = boards_in(jobs, KeptDetections(tmp_path / "kept.jsonl"), 1)
+    assert not any(one.boards for one in found)
+    assert len({one.note for one in found}) == 1
+    assert "ids begin at 16 or near, not at 24" in found[0].note
+
+
+@pytest.mark.parametrize("turns", range(4))
+def test_corners_on_the_rim_of_a_chessboard_are_none_of_its_own(turns):
+    """OpenCV's detector of boards of any size takes them for corners now and then."""
+    image, true = photograph(CHESS)
+    nx, ny = CHESS.inner
+    own = np.rot90(true.reshape(ny, nx, 2), turns)
+    more = np.concatenate([own, 2 * own[:, -1:] - own[:, -2:-1]], axis=1)
+    assert without_rim(image, more).shape == own.shape
+    np.testing.assert_array_equal(without_rim(image, own), own)
+
+
+def test_all_images_of_a_chessboard_of_other_squares_say_so(tmp_path):
+    paths = [tmp_path / f"{i}.png" for i in range(6)]
+    for path in paths:
+        cv2.imwrite(str(path), photograph(CHESS)[0])
+    jobs = [BoardJob(path, "1", path.stem, [(0, Board(9, 6, 0.05))]) for path in paths]
+    found = boards_in(jobs, KeptDetections(tmp_path / "kept.jsonl"), 1)
+    said = "the board is a chessboard of 10 x 7 squares; 9 x 6 were stated"
+    assert {one.note for one in found} == {said}
+    assert not any(one.boards for one in found)
 
 
 def test_a_covered_chessboard_says_what_is_seen_of_it():
