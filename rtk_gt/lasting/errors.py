@@ -21,7 +21,7 @@ from rtk_gt.lasting.lacking_fixes import (
     spaced_rows,
     with_lost_fixes,
 )
-from rtk_gt.lasting.lasting_error import LastingError, epochs_with
+from rtk_gt.lasting.lasting_error import LastingError, epochs_with, is_bump
 from rtk_gt.lasting.restarts import find_change
 from rtk_gt.lasting.seen_from_vehicle import baseline_headings
 from rtk_gt.offsets.estimate import Offsets
@@ -79,7 +79,7 @@ def lasting_errors(steps: Steps, offsets: Offsets) -> list[LastingError]:
     for some in dict.fromkeys([*([] if fast is None else [fast]), *_while_one_lacks(steps)]):
         found = sorted([*found, *_alone(steps, some, found)], key=lambda one: one.after)
     found = sorted([*found, *_missing(steps, rows, bad[rows], found)], key=lambda one: one.after)
-    return _episodes(recorded, found)
+    return [one for one in _episodes(recorded, found) if not is_bump(one)]
 
 
 def _looked_at(steps: Steps) -> Ints:

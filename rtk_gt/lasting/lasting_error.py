@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
+from rtk_gt.lasting.bumps import SOON, upwards
 from rtk_gt.lasting.causes import GAIN, GAIN_OF_MOTION, SMALLEST, SMALLEST_IN_MOTION, UNSURE
 from rtk_gt.lasting.jumps_back import LONGEST_FALSE, contradicts, mismatch
 from rtk_gt.offsets.estimate import Offsets
@@ -125,6 +126,11 @@ def denied_level(found: LastingError, settled: LastingError) -> bool:
     squares = np.square(axes.T @ off) / np.maximum(values, DIFFERS**2)
     much = np.linalg.norm(off) > DENIED_WHOLLY * np.linalg.norm(found.size)
     return bool(much and squares.sum() > DENIES)
+
+
+def is_bump(error: LastingError) -> bool:
+    """Whether an error goes upwards and again so soon that a bump of the road is as likely."""
+    return bool(upwards(error.size)) and error.end - error.start < SOON
 
 
 def by_motion(error: LastingError) -> LastingError:

@@ -55,6 +55,10 @@ was 115."""
 RAMP = 5.0
 """Seconds to both sides of a slow change that a jump must explain better, where no motion is sharp:
 errors that wander by multipath take longer."""
+TOLD_APART = 16.0
+"""Gain by which receivers must be likelier than the others to be told from them: these write more
+or less often, and the best of more intervals is better by chance. A restart of a receiver at 1 Hz
+was taken for one of two at 5 Hz by 12."""
 UPWARDS = (0.15, -0.15)
 """Metres upwards from which a vertical error is looked for, beside level ones."""
 _ROUNDS = 8
@@ -157,7 +161,7 @@ def find_change(
         best = single[0]
     alike = dict.fromkeys(
         one.cause for one in options
-        if one.cause != best.cause and best.total - one.total < ALIKE
+        if one.cause != best.cause and best.total - one.total < TOLD_APART
     )  # fmt: skip
     if best.of.last < n:
         best = _with_its_offsets(times, positions, offsets, best, alone)

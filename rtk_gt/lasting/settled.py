@@ -23,6 +23,7 @@ from rtk_gt.lasting.lasting_error import (
     denied_level,
     difference,
     epochs_with,
+    is_bump,
     or_others,
     part_of,
     same_span,
@@ -206,7 +207,7 @@ def _with_ends(
             size = one.size if span[0] == one.start else -one.size
             epochs = epochs_with(steps, one.receivers, *span)
             ended[k] = replace(one, start=span[0], end=span[1], size=size, epochs=epochs)
-    return ended
+    return [one for one in ended if not is_bump(one)]
 
 
 def _left_by_the_drive(
