@@ -121,21 +121,13 @@ def find_jumps(
             if not (jump.by_motion and any(abs(jump.row - one.row) <= UNSURE for one in found))
             and not (_is_lift(jump) and _soon(times, jump, bumps))
         ]  # fmt: skip
-        new = _undisturbed(new, positions.shape[1])
-        if not new:
-            break
-        rest = _without(positions, new)
-        lifts = [one for one in new if _is_lift(one)]
-        places = [(one.row, one.receivers) for one in lifts]
-        many = followed(times, rest, headings, causes, places) if lifts else []
-        others = [float(times[one.row]) for one in [*found, *lifts] if _is_lift(one)]
-        bumped = [
-            one for one, more in zip(lifts, many, strict=True)
-            if more or _soon(times, one, [at for at in others if at != times[one.row]])
-        ]  # fmt: skip
-        bumps += [float(times[one.row]) for one in bumped]
+        more = _bumps(times, positions, headings, causes, found, new)
+        bumps += more
         gone = [one for one in found if _is_lift(one) and _soon(times, one, bumps)]
-        new = [one for one in new if not any(one is other for other in bumped)]
+        new = [one for one in new if not (_is_lift(one) and _soon(times, one, bumps))]
+        new = _undisturbed(new, positions.shape[1])
+        if not new and not more:
+            break
         positions = _without(_without(positions, gone, -1.0), new)
         found = [one for one in found if not any(one is other for other in gone)] + new
     return _merged(found)
@@ -144,6 +136,28 @@ def find_jumps(
 def _is_lift(jump: Jump) -> bool:
     """Whether a jump goes upwards, as a bump of the road does."""
     return bool(upwards(jump.size))
+
+
+def _bumps(
+    times: Array,
+    positions: Array,
+    headings: Array,
+    causes: Sequence[tuple[int, ...]],
+    found: Sequence[Jump],
+    new: Sequence[Jump],
+) -> list[float]:
+    """Times of the new lifts that other lifts follow or precede at once."""
+    lifts = [one for one in new if _is_lift(one)]
+    if not lifts:
+        return []
+    places = [(one.row, one.receivers) for one in lifts]
+    many = followed(times, _without(positions, new), headings, causes, places)
+    all_at = [float(times[one.row]) for one in [*found, *lifts] if _is_lift(one)]
+    bumped = [
+        one for one, more in zip(lifts, many, strict=True)
+        if more or _soon(times, one, [at for at in all_at if at != times[one.row]])
+    ]  # fmt: skip
+    return [float(times[one.row]) for one in bumped]
 
 
 def _soon(times: Array, jump: Jump, others: Sequence[float]) -> bool:
