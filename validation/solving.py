@@ -324,19 +324,21 @@ def write_step(
     gone = set(steps[name].outputs) - set(files) if name in steps else set()
     known = [*sources, *sources_of(campaign, steps.values())]
     hashes = input_hashes(campaign.folder, known)
-    steps[name] = step_of(campaign, sources, files, hashes, uses, choices)
-    old = out_of_date(campaign, steps, steps[name].outputs, hashes)
-    before = record.get("systems")
-    record |= made_with()
-    record["systems"] = {**(before if isinstance(before, dict) else {}), **(facts or {})}
-    record["steps"] = steps
-    record["out_of_date"] = old
-    listed = earlier_outputs(campaign)
-    record["outputs"] = sorted({*listed - gone, *files, RECORD})
+    listed, old = earlier_outputs(campaign), list[OutOfDate]()
+
+    def told() -> dict[str, Content]:
+        """The record, and what it makes of the report, once large files are written."""
+        steps[name] = step_of(campaign, sources, files, hashes, uses, choices)
+        old.extend(out_of_date(campaign, steps, steps[name].outputs, hashes))
+        before = record.get("systems")
+        new = record | made_with()
+        new["systems"] = {**(before if isinstance(before, dict) else {}), **(facts or {})}
+        new |= {"steps": steps, "out_of_date": old}
+        new["outputs"] = sorted({*listed - gone, *files, RECORD})
+        return {f"{campaign.results.name}/{RECORD}": json_text(new), **marked_report(campaign, old)}
+
     contents = {f"{campaign.results.name}/{file}": one for file, one in files.items()}
-    contents[f"{campaign.results.name}/{RECORD}"] = json_text(record)
-    contents |= marked_report(campaign, old)
-    write_files(campaign.folder, contents)
+    write_files(campaign.folder, contents, then=told)
     remove_results(campaign, gone & listed)
     return late_finding(name, old)
 
