@@ -56,9 +56,10 @@ def short_errors(outcome: WithJumps) -> int:
 
 
 def lasting_findings(outcome: WithJumps) -> Iterator[Finding]:
-    """False fixes that last, and jumps of one receiver, several or all."""
+    """False fixes that last, and jumps of one receiver, several or all: the largest, in time."""
     told = [one for one in outcome.lasting if _told(one)]
-    for one in sorted(told, key=lambda error: -error.length)[:MOST]:
+    largest = sorted(told, key=lambda error: -error.length)[:MOST]
+    for one in sorted(largest, key=lambda error: error.start):
         yield _finding(outcome, one)
     if len(told) > MOST:
         text = (
