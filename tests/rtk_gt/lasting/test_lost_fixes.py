@@ -187,15 +187,19 @@ def test_a_clean_hour_on_a_rough_road_has_no_jump(seed):
     assert settle(made.steps)[1] == []
 
 
+def assert_false_fix_upwards_is_found(made, seed):
+    bad, put = spoilt_by(made, seed, "false up")
+    (one,) = settle(bad.steps)[1]
+    assert one.receivers == put.receivers
+    np.testing.assert_allclose([one.start, one.end], [put.start, put.end], atol=0.41)
+
+
 @pytest.mark.parametrize("seed", [6000, 6001])
 def test_speed_bumps_of_a_smooth_road_are_no_jumps(seed):
     made = rough_drive(seed, WHITE, bumps=5)
     assert settle(made.steps)[1] == []
     # A false fix that begins elsewhere is found as before.
-    bad, put = spoilt_by(made, seed, "false up")
-    (one,) = settle(bad.steps)[1]
-    assert one.receivers == put.receivers
-    np.testing.assert_allclose([one.start, one.end], [put.start, put.end], atol=0.41)
+    assert_false_fix_upwards_is_found(made, seed)
 
 
 @pytest.mark.full
@@ -206,11 +210,8 @@ def test_a_clean_hour_under_slow_errors_on_a_rough_road_has_no_jump():
 
 
 def test_a_false_fix_upwards_ends_with_the_fix_that_its_receiver_finds_again():
-    errors, every = Errors(0.003, 0.010, 30.0), (1.0, 0.2, 0.2)
-    bad, put = spoilt_by(rough_drive(2513, errors, every=every), 2513, "false up")
-    (one,) = settle(bad.steps)[1]
-    assert one.receivers == put.receivers
-    np.testing.assert_allclose([one.start, one.end], [put.start, put.end], atol=0.41)
+    made = rough_drive(2513, Errors(0.003, 0.010, 30.0), every=(1.0, 0.2, 0.2))
+    assert_false_fix_upwards_is_found(made, 2513)
 
 
 def test_a_jump_of_those_that_write_often_and_of_the_other_is_one_of_all():
@@ -223,11 +224,8 @@ def test_a_jump_of_those_that_write_often_and_of_the_other_is_one_of_all():
 
 
 def test_what_the_whole_drive_shows_takes_no_end_of_a_clearer_error():
-    errors, every = Errors(0.003, 0.005, 60.0), (1.0, 0.2, 0.2)
-    bad, put = spoilt_by(rough_drive(2514, errors, every=every), 2514, "false up")
-    (one,) = settle(bad.steps)[1]
-    assert one.receivers == put.receivers
-    np.testing.assert_allclose([one.start, one.end], [put.start, put.end], atol=0.41)
+    made = rough_drive(2514, Errors(0.003, 0.005, 60.0), every=(1.0, 0.2, 0.2))
+    assert_false_fix_upwards_is_found(made, 2514)
 
 
 def test_the_heading_goes_on_while_an_end_of_the_longest_baseline_has_no_fix():
