@@ -1,6 +1,6 @@
 """ChArUco boards in images, and what boards that are not the stated ones are."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -19,12 +19,16 @@ _LEAST_CORNERS = 4
 _ENOUGH_MARKERS, _BORDER = 4, 3.0
 """Markers whose sixteen corners tell where a corner beside one of them is; and pixels that it is at
 least from the image's border."""
-_STRANGERS, _MORE = 4, 12
-"""Markers in line with a board that no stated board has: a code is read by chance once in some
-images, and not in line. And pairs of rows that a board may begin earlier or end later."""
+STRANGERS = 4
+"""Markers in line that are where another board has them, and not the stated one: a code is read by
+chance once in some images, and not in line."""
+_SIZES = range(3, 25)
+"""Squares along a board that are thought of where it is not the stated one."""
 _AGREES = 0.3
 """Sides of a marker that a corner of it may be from where the board has it: a board that is bent or
 seen through a wide lens is off by a tenth, another layout by more than a half."""
+_MOST_TRIED = 300
+"""Fours of corners: where two in five are right, one of them is with a probability of 0.9996."""
 MOST_AGREE = 0.6
 """Share of the markers' corners that must agree with the stated board."""
 
@@ -76,56 +80,70 @@ def charuco_corners(
         return None
     ids, pixels = np.concatenate([named, others]), np.concatenate([own, more])
     order = np.argsort(ids)
-    instead = _begins_elsewhere(board, every, beside)
+    instead = _elsewhere(board, every, beside)
     return CharucoCorners(ids[order], pixels[order], order >= len(named), instead)
 
 
-def _begins_elsewhere(board: Board, markers: "Markers", beside: Sequence[Board]) -> str:
-    """What is said of a board whose ids begin elsewhere than stated; '' where they do not.
+def _elsewhere(board: Board, every: "Markers", beside: Sequence[Board]) -> str:
+    """What a board is of which more markers agree with another size or first id; '' if none.
 
     Two rows have as many markers as there are columns. A first id that is wrong by so many, or by
-    a multiple, gives markers the places of others, where they agree as well; but some are seen in
-    line with the board that no stated board has.
+    a multiple, gives markers the places of others, where all that are seen agree; and one that is
+    wrong by one, to most of them. But where the board has them, more are in line.
     """
-    stated = np.concatenate([b.first_id + np.arange(b.marker_count) for b in (board, *beside)])
-    strange = ~np.isin(markers.numbers, stated)
-    if board.family is None or strange.sum() < _STRANGERS:
+    stated = (board, *beside)
+    agrees = [_agreeing(one, every) for one in stated]
+    if (~np.any(agrees, axis=0)).sum() < STRANGERS:
         return ""
-    two, count = board.columns, board.marker_count
-    most = len(board.family.dictionary.bytesList)
-    before = min(board.first_id // two, _MORE)
-    after = min((most - board.first_id - count) // two, _MORE)
-    longer = replace(
-        board, rows=board.rows + 2 * (before + after), first_id=board.first_id - before * two
-    )
-    own = markers.of_board(board)
-    both = Markers(
-        np.concatenate([own.outlines, markers.outlines[strange]]),
-        np.concatenate([own.numbers, markers.numbers[strange]]),
-    )
-    seen = both.numbers[_agreeing(longer, both)]
-    odd = np.setdiff1d(seen, stated)
-    if len(odd) < _STRANGERS:
+    agreed = int(np.sum(agrees, axis=1).max())
+    most, best = best_size(every, board)
+    if most - agreed < STRANGERS:
         return ""
-    missing = board.first_id - int(odd.min())
-    too_many = int(odd.max()) - (board.first_id + count - 1)
-    if missing > 0:
-        begins = board.first_id - two * -(-missing // two)
-    elif int(seen.min()) >= board.first_id + two:
-        begins = board.first_id + two * -(-too_many // two)
-    else:  # more rows than stated: what is read of it is right
-        return ""
-    return begins_elsewhere(begins, board)
+    if (best.columns, best.first_id) == (board.columns, board.first_id):
+        # More rows than stated, of which what is read is right; but not where all begins later.
+        seen = every.numbers[_agreeing(best, every)]
+        too_many = int(seen.max()) - (board.first_id + board.marker_count - 1)
+        if int(seen.min()) < board.first_id + board.columns:
+            return ""
+        later = board.first_id + board.columns * -(-too_many // board.columns)
+        return of_size(replace(board, first_id=later), board)
+    same = (best.columns, best.first_id) in {(one.columns, one.first_id) for one in beside}
+    return "" if same else of_size(best, board)
 
 
-def begins_elsewhere(begins: int, board: Board) -> str:
-    """A board of the stated size, but from another id on, in words."""
+def best_size(markers: "Markers", board: Board) -> tuple[int, Board]:
+    """How many markers agree with the size and first id that most agree with; and that board."""
+    low, high = int(markers.numbers.min()), int(markers.numbers.max())
+    ranked = [
+        (agreement(one, markers), one.first_id == board.first_id, one.first_id, one)
+        for one in _of_sizes(board, low, high)
+    ]
+    most, _, _, best = max(ranked, key=lambda row: row[:3], default=(0, False, 0, board))
+    return most, best
+
+
+def _of_sizes(board: Board, low: int, high: int) -> Iterator[Board]:
+    """Boards of other sizes whose ids reach from one to another."""
+    most = len(board.family.dictionary.bytesList) if board.family else 0
+    for first in dict.fromkeys((board.first_id, *range(max(low - board.columns, 0), low + 1))):
+        for columns in _SIZES if first in {board.first_id, low} else (board.columns,):
+            rows = max(3, -(-2 * (high - first + 1) // columns))
+            one = replace(board, columns=columns, rows=rows, first_id=first)
+            if rows <= _SIZES[-1] and first <= low and first + one.marker_count <= most:
+                yield one
+
+
+def of_size(seen: Board, board: Board) -> str:
+    """A board of another size than stated, or from another id on, in words."""
     wanted = f"{board.columns} x {board.rows} were stated"
-    return f"a board whose ids begin at {begins} or near{not_at(board)}; {wanted}"
+    if seen.columns == board.columns:
+        return f"a board whose ids begin at {seen.first_id} or near{not_at(board)}; {wanted}"
+    across = f", {seen.rows} or more across" if seen.first_id == board.first_id else ""
+    return f"a board of {seen.columns} squares along{across}; {wanted}"
 
 
 def not_at(board: Board) -> str:
-    """What tells which stated board `begins_elsewhere` is about."""
+    """What tells which stated board `of_size` is about."""
     return f", not at {board.first_id}"
 
 
@@ -210,7 +228,11 @@ def _agreeing(board: Board, markers: Markers) -> npt.NDArray[np.bool_]:
     seen = markers.outlines[known]
     side = float(np.median(np.linalg.norm(seen - np.roll(seen, 1, axis=1), axis=-1)))
     H, _ = cv2.findHomography(
-        printed.reshape(-1, 2), seen.reshape(-1, 2), cv2.RANSAC, _AGREES * side
+        printed.reshape(-1, 2),
+        seen.reshape(-1, 2),
+        cv2.RANSAC,
+        _AGREES * side,
+        maxIters=_MOST_TRIED,
     )
     if H is None:
         return agrees

@@ -11,7 +11,15 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.poses.angles import Array
-from vision_gt.images.charuco import MOST_AGREE, Markers, agreement, as_printed, begins_elsewhere
+from vision_gt.images.charuco import (
+    MOST_AGREE,
+    STRANGERS,
+    Markers,
+    agreement,
+    as_printed,
+    best_size,
+    of_size,
+)
 from vision_gt.images.chessboards import any_size, begin_anew, without_rim
 from vision_gt.images.reading import read_codes
 from vision_gt.patterns.boards import LEAST_PLAIN, Board
@@ -61,8 +69,10 @@ class OtherBoard:
 EXCHANGED = "one with rows and columns exchanged"
 _WHERE = " where "
 _OF_SQUARES = re.compile(r"a chessboard of (\d+) x (\d+) squares; ")
-_SIZES = range(3, 25)
-"""Squares along a board that are thought of where it is not the stated one."""
+_MARKER_SIDES = np.arange(0.4, 0.81, 0.05)
+"""Of a marker over those of a square that are thought of where they are not as stated. OpenCV warns
+of larger ones; those of 0.65 to 0.85 are read as 0.75."""
+TWICE = "two boards with the same ids"
 _AS_WELL = 0.6
 """Share of markers that agree on another size, that agree on the stated one: of a few markers of a
 part of a board several sizes are right. A judgement."""
@@ -251,42 +261,19 @@ def _other_size(image: Image, board: Board, beside: Sequence[Board] = ()) -> Oth
         count = len(set(markers.numbers.tolist()))
         if count < _LEAST_MARKERS:
             continue
-        low, high = int(markers.numbers.min()), int(markers.numbers.max())
-        ranked = [
-            (agreement(one, markers), one.first_id == board.first_id, one.first_id, one)
-            for one in _of_sizes(shown, low, high)
-        ]
-        most, _, _, best = max(ranked, key=lambda row: row[:3], default=(0, False, 0, shown))
+        most, best = best_size(markers, shown)
         if most < max(_LEAST_MARKERS, MOST_AGREE * len(markers.numbers)):
             continue
         both = [replace(one, inverted=shown.inverted) for one in (board, *beside)]
-        if max(agreement(one, markers.of_board(one)) for one in both) >= _AS_WELL * most:
+        agreed = max(agreement(one, markers.of_board(one)) for one in both)
+        if agreed >= _AS_WELL * most and most - agreed < STRANGERS:
             return None  # a little of a stated board, as which they agree nearly as well
-        said = f"a board of {best.columns} squares along"
-        stated = {(one.columns, one.first_id) for one in (board, *beside)}
-        if (best.columns, best.first_id) in stated:
+        if (best.columns, best.first_id) in {(one.columns, one.first_id) for one in both}:
             return None  # it is the stated one, of which too little is seen
         if best.columns == board.rows and best.first_id == board.first_id:
             return OtherBoard(f"{how}{EXCHANGED}", None, _outline(markers))
-        if best.columns == board.columns:
-            said = begins_elsewhere(best.first_id, board)
-            return OtherBoard(f"{how}{said}", None, _outline(markers))
-        if best.first_id == board.first_id:
-            said += f", {best.rows} or more across"
-        wanted = f"{board.columns} x {board.rows} were stated"
-        return OtherBoard(f"{how}{said}; {wanted}", None, _outline(markers))
+        return OtherBoard(f"{how}{of_size(best, board)}", None, _outline(markers))
     return None
-
-
-def _of_sizes(board: Board, low: int, high: int) -> Iterator[Board]:
-    """Boards of other sizes whose ids reach from one to another."""
-    most = len(board.family.dictionary.bytesList) if board.family else 0
-    for first in dict.fromkeys((board.first_id, *range(max(low - board.columns, 0), low + 1))):
-        for columns in _SIZES if first in {board.first_id, low} else (board.columns,):
-            rows = max(3, -(-2 * (high - first + 1) // columns))
-            one = replace(board, columns=columns, rows=rows, first_id=first)
-            if rows <= _SIZES[-1] and first <= low and first + one.marker_count <= most:
-                yield one
 
 
 def circles(image: Image, board: Board) -> OtherBoard | None:
@@ -336,7 +323,9 @@ def other_board(image: Image, board: Board) -> OtherBoard | None:
         shown = replace(board, inverted=board.inverted != turned)
         seen = as_printed(image, shown)
         markers, quads = _markers(seen, board.family)
-        found = _best_layout(markers, shown)
+        if _doubled(markers):
+            return OtherBoard(TWICE, None, _outline(markers))
+        found = _best_layout(markers, shown) or _other_markers(markers, shown)
         if found is not None:
             words = ", ".join(word for word in (how, found.name) if word)
             return replace(found, name=words) if words else None
@@ -377,7 +366,7 @@ def _layouts(board: Board) -> Iterator[tuple[str, Board, bool]]:
 
 def _best_layout(markers: Markers, board: Board) -> OtherBoard | None:
     """The layout that most of the board's markers agree with; None if too few do."""
-    markers = markers.of_board(board)
+    every, markers = markers, markers.of_board(board)
     if len(markers.numbers) < _LEAST_MARKERS:
         return None
     ranked = [
@@ -387,7 +376,44 @@ def _best_layout(markers: Markers, board: Board) -> OtherBoard | None:
     count, _, name, chosen, same = max(ranked, key=lambda row: row[:2])
     if count < max(_LEAST_MARKERS, MOST_AGREE * len(markers.numbers)):
         return None
+    if _more_elsewhere(every, board, count):
+        return None
     return OtherBoard(name, chosen if same else None, _outline(markers))
+
+
+def _other_markers(markers: Markers, board: Board) -> OtherBoard | None:
+    """The stated board with markers of another size; None if too few agree with any."""
+    every, markers = markers, markers.of_board(board)
+    if len(markers.numbers) < _LEAST_MARKERS:
+        return None
+    sizes = [replace(board, marker=share * board.square) for share in _MARKER_SIDES]
+    ranked = [(agreement(one, markers), -place, one) for place, one in enumerate(sizes)]
+    count = max(ranked, key=lambda row: row[:2])[0]
+    least = max(_LEAST_MARKERS, _AS_WELL * len(markers.numbers))
+    if count < least or _more_elsewhere(every, board, count):
+        return None
+    alike = [one.marker for most, _, one in ranked if most == count]
+    share = float(np.median(alike)) / board.square
+    stated = (board.marker or 0.75 * board.square) / board.square
+    name = f"one with markers of about {share:.2f} of a square, not {stated:.2f}"
+    return OtherBoard(name, replace(board, marker=share * board.square), _outline(markers))
+
+
+def _more_elsewhere(every: Markers, board: Board, count: int) -> bool:
+    """Whether clearly more than so many markers agree with another size or first id.
+
+    From another id on, rows of the other layout come to lie where those of the stated one are.
+    """
+    if len(every.numbers) - count < STRANGERS:
+        return False
+    return best_size(every, board)[0] - count >= STRANGERS
+
+
+def _doubled(markers: Markers) -> bool:
+    """Whether most ids are seen twice."""
+    numbers, counts = np.unique(markers.numbers, return_counts=True)
+    twice = int((counts > 1).sum())
+    return twice >= _LEAST_MARKERS and twice > len(numbers) / 2
 
 
 def _outline(markers: Markers) -> Array:

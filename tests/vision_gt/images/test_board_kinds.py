@@ -377,3 +377,30 @@ def test_corners_beside_a_marker_that_cannot_be_read_are_found_from_the_others()
     assert found is not None
     assert len(found.ids) == len(whole.ids) == 24
     assert np.abs(found.pixels - whole.pixels).max() < 0.05
+
+
+@pytest.mark.parametrize("first", [1, 2, 5, 7, 10, 11, 20])
+def test_a_board_whose_ids_begin_elsewhere_is_not_read_squares_aside(first):
+    """Ten squares along, so five markers a row: shifts within a row agree for most of them."""
+    image, _ = photograph(Board(10, 6, 0.1, Family("4X4_100"), first_id=first))
+    look = look_for_boards(image, [Board(10, 6, 0.1, Family("4X4_100"))])
+    assert look.found == (None,)
+    assert f"ids begin at {first} or near, not at 0" in look.instead
+
+
+@pytest.mark.parametrize("share", [0.45, 0.5])
+def test_a_board_with_smaller_markers_than_stated_is_read_and_named(share):
+    family = Family("4X4_100")
+    image, true = photograph(Board(10, 6, 0.1, family, marker=share * 0.1))
+    look = look_for_boards(image, [Board(10, 6, 0.1, family)])
+    assert "of a square, not 0.75" in look.instead
+    found = look.found[0]
+    assert len(found.ids) > 0.9 * len(true)
+    assert np.abs(found.pixels - true[found.ids]).max() < 0.5
+
+
+def test_two_boards_with_the_same_ids_are_named():
+    image, _ = photograph(STATED)
+    look = look_for_boards(np.hstack([image, image]), [STATED])
+    assert look.found == (None,)
+    assert look.instead == "two boards with the same ids"

@@ -18,7 +18,9 @@ EXACT = 0.02
 """The same where positions or headings alone are as alike."""
 PLAUSIBLE = 0.4
 """Differences above this part of what both sources state are no sign of a copy, however much better
-both are than the rest. A judgement: stated deviations are seldom too large by 2.5."""
+both are than the rest. A judgement: stated deviations are seldom too large by 2.5, in positions and
+in headings at once; in one of them they may be, by up to ten (`BARELY`)."""
+BARELY = 0.1
 FEWEST = 6
 """Stops in common from which on tables are compared after a frame and a mount are taken out, which
 take six of their eighteen numbers."""
@@ -70,7 +72,7 @@ def find_copies(
         apart[a, b] = apart[b, a] = _apart(poses[a], poses[b])
     apart_by = [set(group) for group in independent]
     typical = _stated_differences(pairs, size) * np.sqrt(MEDIANS)
-    plausible = (apart > PLAUSIBLE * typical).all(-1)
+    plausible = (apart > PLAUSIBLE * typical).any(-1) & (apart > BARELY * typical).all(-1)
     joined: list[set[int]] = []
     for a, b in combinations(range(size), 2):
         if any({names[a], names[b]} <= group for group in apart_by) or plausible[a, b]:
