@@ -25,12 +25,11 @@ from vision_gt.prints.print_steps import (
     BLUR,
     Rest,
     State,
-    bend_of,
     corners_of,
-    haloes,
     steps_to_rest,
     variances,
 )
+from vision_gt.prints.signs import bend_of, haloes, stretches
 from vision_gt.prints.tiles import excess_of_tiles
 
 Ints = npt.NDArray[np.intp]
@@ -81,6 +80,10 @@ class PrintFits:
         How much it was sharpened: the share that was added of the difference to a blurred copy.
     bend : (m,) array
         How bent the tone curve is; 0 where grey levels go with the light.
+    aslant : (m,) array
+        Which share of what is left looks as if the blur were wider one way, as motion makes it.
+    stretch : (m, 2) array
+        By how much its variance then is larger, see `vision_gt.prints.signs.stretches`.
     """
 
     corners: Array
@@ -92,6 +95,8 @@ class PrintFits:
     halo: Array
     amount: Array
     bend: Array
+    aslant: Array
+    stretch: Array
 
     def of(self, rows: Mask) -> "PrintFits":
         """Those of some prints."""
@@ -139,7 +144,7 @@ def fit_prints(image: Image, start: Array, bits: Array, rim: Array, flat: Flat) 
     seen = replace(seen, counts=seen.counts & (seen.zone == 0), zone=np.zeros_like(seen.zone))
     for near in steps_to_rest(seen, state, together=True):
         at, fine = sound[near.rows], near.state
-        halo = haloes(near, seen.cells[near.rows])
+        halo, (aslant, stretch) = haloes(near, seen.cells[near.rows]), stretches(near)
         bent, each = bend_of(near)
         if bent:
             fine = replace(fine, bend=each)
@@ -147,7 +152,9 @@ def fit_prints(image: Image, start: Array, bits: Array, rim: Array, flat: Flat) 
         own = bits[near.rows], rim[near.rows]
         lens = chosen.patches.of(near.rows)
         for rows, found in _fitted(image, fine, *own, flat, told, ALL, lens):
-            fits[at[rows]] = replace(found, halo=halo[rows])
+            fits[at[rows]] = replace(
+                found, halo=halo[rows], aslant=aslant[rows], stretch=stretch[rows]
+            )
     _keep_start(fits, start)
     return fits
 
@@ -188,6 +195,37 @@ def fit_sharpened(
     return fits
 
 
+def fit_stretched(
+    image: Image,
+    start: Array,
+    bits: Array,
+    rim: Array,
+    flat: Flat,
+    shape: Array,
+    most: int = ALL,
+) -> PrintFits:
+    """The corners of markers in an image whose blur is wider one way than the other.
+
+    Parameters
+    ----------
+    image, start, bits, rim, flat, most
+        As for `fit_sharpened`.
+    shape : (m, 2, 2) array
+        What makes the blur's ellipse of a circle; its size is sought.
+    """
+    fits = _unfitted(start)
+    sound, state = _begin(start)
+    if len(sound):
+        state = replace(state, shape=shape[sound])
+        bits, rim = np.asarray(bits, dtype=float)[sound], rim[sound]
+        longest = np.linalg.norm(shape[sound], axis=(1, 2), ord=2)
+        told = np.maximum(np.rint(_SLOPE_ENDS * longest), _TOLD).astype(np.intp)
+        for rows, found in _fitted(image, state, bits, rim, flat, told, most):
+            fits[sound[rows]] = found
+    _keep_start(fits, start)
+    return fits
+
+
 def _unfitted(start: Array) -> PrintFits:
     """Nothing fitted yet."""
     m = len(start)
@@ -202,6 +240,8 @@ def _unfitted(start: Array) -> PrintFits:
         none.copy(),
         none.copy(),
         none.copy(),
+        none.copy(),
+        np.zeros((m, 2)),
     )
 
 
@@ -248,7 +288,7 @@ def _fitted(
 def _boundaries(state: State, cells: int) -> Ints:
     """(m,) how many boundaries blur reaches in the middles of prints, along the narrower axis."""
     middle = state.H[:, :, 2:] / state.H[:, 2:, 2:]
-    at, _ = places_in_print(state.H, middle, np.zeros((len(middle), 2)))
+    at, _ = places_in_print(state.H, middle, np.zeros((len(middle), 2)), state.shape)
     narrow = np.maximum(at.along_x, at.along_y)[:, 0]
     blur = state.blur if state.radius is None else np.hypot(state.blur, state.radius)
     return boundaries_in_reach(blur, narrow, cells)
@@ -282,7 +322,18 @@ def _ended(rest: Rest, counts: Ints, cells: int) -> PrintFits:
     good = believable(contrast, kept, sigma, np.sqrt(variance)) & (held > 0)
     covariances = covariances * excess[:, None, None, None]
     none = np.zeros(len(good))
+    aslant, stretch = (none, np.zeros((len(good), 2))) if state.shape is None else stretches(rest)
     bend = none if state.bend is None else state.bend
     return PrintFits(
-        corners, covariances, good, state.blur, misfit, counts, none, state.amount, bend
+        corners,
+        covariances,
+        good,
+        state.blur,
+        misfit,
+        counts,
+        none,
+        state.amount,
+        bend,
+        aslant,
+        stretch,
     )

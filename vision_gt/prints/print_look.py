@@ -211,7 +211,9 @@ def to_prints(H: Array, origin: Array) -> Array:
     return found
 
 
-def places_in_print(H: Array, places: Floats, origin: Array) -> tuple[Places, Floats]:
+def places_in_print(
+    H: Array, places: Floats, origin: Array, shape: Array | None = None
+) -> tuple[Places, Floats]:
     """Points of prints that pixels (m, 3, n) show, how they are spread there; and 1, x, y.
 
     Parameters
@@ -222,6 +224,8 @@ def places_in_print(H: Array, places: Floats, origin: Array) -> tuple[Places, Fl
         Undistorted pixels from an origin each, homogeneous.
     origin : (m, 2) array
         The origins, undistorted pixels.
+    shape : (m, 2, 2) array, optional
+        What makes the blur's ellipse of a circle: a pixel is then as wide as that.
 
     Returns
     -------
@@ -241,6 +245,10 @@ def places_in_print(H: Array, places: Floats, origin: Array) -> tuple[Places, Fl
         [(part[:, row, k] - place * part[:, 2, k]) * nearness for k in (0, 1)]
         for row, place in ((0, x), (1, y))
     )
+    if shape is not None:
+        (a, b), (c, d) = shape.astype(places.dtype).transpose(1, 2, 0)[..., None]
+        x_right, x_down = x_right * a + x_down * c, x_right * b + x_down * d
+        y_right, y_down = y_right * a + y_down * c, y_right * b + y_down * d
     along_x = np.sqrt(x_right * x_right + x_down * x_down)
     along_y = np.sqrt(y_right * y_right + y_down * y_down)
     return Places(x, y, along_x, along_y, x_right * y_right + x_down * y_down), lit

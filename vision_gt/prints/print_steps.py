@@ -10,8 +10,6 @@ from vision_gt.prints.grey_fits import (
     AMOUNT_INFORMATION,
     BEND_INFORMATION,
     BLUR_INFORMATION,
-    HALO_FROM,
-    HALO_WIDTH,
     LEAST_BLUR,
     MOST_AMOUNT,
     MOST_BEND,
@@ -20,8 +18,6 @@ from vision_gt.prints.grey_fits import (
     START_BLUR,
     Floats,
     inverses,
-    left_over,
-    share_explained,
     tukey_of_filled,
 )
 from vision_gt.prints.pixels import (
@@ -73,11 +69,6 @@ _ALL_TOGETHER = 4
 print, or is covered, may never be."""
 _BENDS = 0.1
 """Change of the bend of the tone curve that is still to come, as of a tenth of a usual one."""
-_BENT = 3.5
-"""Standard deviations from which on the tone curve of an image is taken as bent: chance makes that
-of one image in 2,000."""
-_EVERY = 3
-"""Of the pixels of first steps one of so many is enough to look for sharpening."""
 _SAME_RIM, _MOST_ROUNDS = 0.03, 2
 """Share of the pixels that may still come or go, and how often it is judged at most."""
 _SETTLED = 0.3
@@ -89,7 +80,8 @@ class State:
     """Homographies (m, 3, 3) from prints to undistorted pixels, and how these look.
 
     Blur (m,) in pixels, light (m, 6 or 9), amounts (m,) of sharpening, its radii (m,) in pixels
-    where such is sought, and bends (m,) of the tone curve where it is not straight.
+    where such is sought, bends (m,) of the tone curve where it is not straight, and shapes
+    (m, 2, 2) of the blur where it is not round: what makes its ellipse of a circle.
     """
 
     H: Array
@@ -98,6 +90,7 @@ class State:
     amount: Array
     radius: Array | None
     bend: Array | None = None
+    shape: Array | None = None
 
     @property
     def contrast(self) -> Array:
@@ -108,8 +101,9 @@ class State:
         """Those of some prints."""
         radius = None if self.radius is None else self.radius[rows]
         bend = None if self.bend is None else self.bend[rows]
+        shape = None if self.shape is None else self.shape[rows]
         plain = self.H[rows], self.blur[rows], self.light[rows], self.amount[rows]
-        return State(*plain, radius, bend)
+        return State(*plain, radius, bend, shape)
 
     @property
     def unknowns(self) -> int:
@@ -192,7 +186,7 @@ def steps_to_rest(
     used, single = seen.counts, seen.grey.dtype
     jacobian, weighted = _room(seen, state), _room(seen, state)
     for step in range(1, (_MOST_STEPS if state.radius is None else _MOST_SHARPENED) + 1):
-        at, lit = places_in_print(state.H, seen.places, seen.origin)
+        at, lit = places_in_print(state.H, seen.places, seen.origin, state.shape)
         look, more = _look(state, seen.cells, at)
         by_light = jacobian[:, BLUR + 1 : BLUR + 1 + state.light.shape[1]]
         fill_by_light(lit, look.white, by_light)
@@ -298,59 +292,6 @@ def variances(rest: Rest) -> Array:
     return np.asarray((rest.weights * rest.left**2).sum(1, dtype=float) / freedom)
 
 
-def haloes(rest: Rest, cells: Floats) -> Array:
-    """Which share (m,) of what is left looks as if the image had been sharpened.
-
-    Parameters
-    ----------
-    rest : Rest
-        Of a fit without sharpening.
-    cells : (m, s, s) array
-        Of its prints.
-    """
-    large = np.sqrt(variances(rest)) > HALO_FROM * rest.state.contrast
-    share = np.zeros(len(large))
-    if not large.any():
-        return share
-    some, cells = np.s_[large, ::_EVERY], cells[large]
-    wide = np.hypot(rest.state.blur[large], HALO_WIDTH)
-    at = Places(*(getattr(rest.at, one.name)[some] for one in fields(Places)))
-    soft = whiteness(cells, at, wide, boundaries(at, wide, cells)).white
-    jacobian, weighted = (part[large, :, ::_EVERY] for part in (rest.jacobian, rest.weighted))
-    # Of fewer pixels the normal matrix is as much smaller.
-    tried = jacobian, weighted, _EVERY * rest.inverse[large]
-    change = rest.look.white[some] - soft
-    share[large] = share_explained(change, tried, rest.weights[some], rest.left[some])
-    return share
-
-
-def bend_of(rest: Rest) -> tuple[float, Array]:
-    """How bent the tone curve of an image is, 0 if it may be straight; and that (m,) of each print.
-
-    Parameters
-    ----------
-    rest : Rest
-        Of a fit with a straight one.
-
-    Notes
-    -----
-    One linear step of one more unknown: its derivative without what all others explain.
-    """
-    white = np.clip(rest.look.white, 0.0, 1.0)
-    change = (rest.state.contrast[:, None] / 2).astype(white.dtype) * white * (1 - white)
-    own = left_over(change, (rest.jacobian, rest.weighted, rest.inverse))
-    said = rest.weights * own
-    information = (said * own).sum(1, dtype=float)
-    score = (said * rest.left).sum(1, dtype=float)
-    variance = variances(rest)
-    total = float((information / variance).sum()) + BEND_INFORMATION
-    found = float((score / variance).sum()) / total
-    if not abs(found) * np.sqrt(total) > _BENT:
-        return 0.0, np.zeros(len(score))
-    each = score / np.maximum(information + BEND_INFORMATION, 1e-9)
-    return found, np.clip(each, -MOST_BEND, MOST_BEND)
-
-
 @dataclass(frozen=True)
 class _More:
     """Derivatives (m, n) of the share of white by amounts of sharpening and by bends, if any."""
@@ -425,7 +366,8 @@ def _changed(state: State, change: Array) -> State:
     if bend is not None:
         bend = np.clip(bend + change[:, -1], -MOST_BEND, MOST_BEND)
     light = state.light + change[:, BLUR + 1 : last]
-    return State(state.H @ (np.eye(3) + D), blur, light, amount, state.radius, bend)
+    H = state.H @ (np.eye(3) + D)
+    return replace(state, H=H, blur=blur, light=light, amount=amount, bend=bend)
 
 
 def corners_of(H: Array) -> tuple[Array, Array]:

@@ -230,3 +230,34 @@ def test_dark_images_lose_no_marker():
         inverse = np.linalg.inv(view.covariances)
         # Of eight errors of a marker the largest is within four standard deviations or so.
         assert np.einsum("ki,kij,kj->k", off, inverse, off).max() < 20
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5, 1.3, 2.4])
+@pytest.mark.parametrize("length", [4, 8])
+def test_corners_under_motion_are_where_they_are_and_as_good_as_stated(length, angle):
+    """Motion of so many pixels: 12 markers each, 48 corners of two coordinates."""
+    rng = np.random.default_rng(round(10 * angle) + length)
+    squares, offs = [], []
+    for number in range(12):
+        bits = np.pad(APRIL.bits(number), 2, constant_values=1)
+        texture = np.kron(bits, np.ones((40, 40))).astype(np.float32)
+        low, high = 79.5, len(texture) - 80.5
+        own = np.array([[low, low], [high, low], [high, high], [low, high]], dtype=np.float32)
+        seen = np.array([[60, 52], [158, 66], [150, 140], [52, 148]]) + rng.uniform(-9, 9, (4, 2))
+        H = cv2.getPerspectiveTransform(own, (8 * seen + 3.5).astype(np.float32))
+        large = cv2.warpPerspective(texture, H, (1760, 1600), borderValue=0.7)
+        line = np.zeros((65, 65), dtype=np.float32)
+        steps = np.linspace(-4 * length, 4 * length, 400)
+        at = np.rint(32 + np.outer(steps, [np.cos(angle), np.sin(angle)])).astype(int)
+        np.add.at(line, (at[:, 1], at[:, 0]), 1 / len(at))
+        large = cv2.GaussianBlur(cv2.filter2D(large, -1, line), (0, 0), 5.6)
+        image = 40 + 165 * large.reshape(200, 8, 220, 8).mean((1, 3))
+        image += 2 * rng.standard_normal(image.shape)
+        (view,) = detect_markers(np.clip(np.rint(image), 0, 255).astype(np.uint8), APRIL).views
+        assert view.number == number
+        off = view.corners - seen
+        squares.append(np.einsum("ki,kij,kj->k", off, np.linalg.inv(view.covariances), off))
+        offs.append(off)
+    # Blur of motion is a box, the model has a bell curve: deviations may be a third too small.
+    assert 0.4 < np.mean(squares) / 2 < 2.0
+    assert np.sqrt(np.mean(np.square(offs))) < 0.012 * length
