@@ -26,6 +26,7 @@ OURS = "here lenses are Brown's (plumb_bob, radtan), rational, or Kannala-Brandt
 _OTHER_LENSES = {
     "thin_prism_fisheye": "a fisheye lens with a thin prism",
     "fov": "the field-of-view lens",
+    "omnidirectional": "an omnidirectional camera",
     "omni": "an omnidirectional camera (Mei's)",
     "mei": "an omnidirectional camera (Mei's)",
     "scaramuzza": "an omnidirectional camera (Scaramuzza's)",
@@ -33,7 +34,7 @@ _OTHER_LENSES = {
     "ucm": "the unified camera",
     "ds": "the double-sphere camera",
 }
-_TELLS_LENS = re.compile(r"model|lens|flags|type|projection")
+_TELLS_LENS = re.compile(r"model|lens|flags|distortion_type|camera_type|projection")
 """Of the keys whose value may name a lens."""
 
 
@@ -125,9 +126,9 @@ def says_fisheye(node: Node) -> bool:
 def refuse_other_lens(path: Path, node: Node, where: str = "") -> None:
     """Raise where a file says that its lens, or camera, is one that the model has not."""
     for key, model in _words(node):
-        what = next(
-            (said for name, said in _OTHER_LENSES.items() if model.lower().startswith(name)), None
-        )
+        # Cameras that are sold have names that begin like these: DS-2CD2143.
+        plain = re.sub(r"[-_ ](none|radtan|equi|equidistant|fov)$", "", model.lower())
+        what = _OTHER_LENSES.get(plain)
         if what is not None:
             raise bad(path, f"the coefficients of {what}; {OURS}", where + key, model)
     if node.get("xi") not in (None, 0.0, ""):

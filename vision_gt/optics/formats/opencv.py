@@ -127,8 +127,11 @@ def _number(word: str) -> float:
 def _field(root: Node, names: Sequence[str]) -> str:
     """The field of a file with the first of these names that it has; the first name if it has none.
 
-    Capitals and underscores do not matter.
+    Where none is there as it is written here, capitals and underscores do not matter.
     """
+    exact = next((name for name in names if name in root), None)
+    if exact is not None:
+        return exact
     there = {_plain(key): key for key in reversed(list(root))}
     return next((there[_plain(name)] for name in names if _plain(name) in there), names[0])
 

@@ -26,6 +26,9 @@ _EXCHANGED, _NEARER = 0.08, 4.0
 """An axis this share of the image off the middle both ways, and four times nearer to it once width
 and height are exchanged: at 5:4, the squarest of the usual images, an exchange makes 0.10."""
 
+_NEAR_HALF = 0.15
+"""Share of the image that a normalised centre is off the middle at most, for what is told of it."""
+
 
 def check_pixels(path: Path, size: tuple[int, int], four: Array) -> None:
     """Raise where fx, fy, cx, cy cannot be those of a camera in pixels.
@@ -79,12 +82,15 @@ def _looks(extent: Array, four: Array) -> str:
     """What a focal length is that is too short for pixels, and what it may be in pixels."""
     focal, centre = four[:2], four[2:]
     across = np.ravel([extent, extent])
-    if ((centre > 0.2) & (centre < 0.8)).all():
+    if (np.abs(centre - 0.5) < _NEAR_HALF).all():
         pixels = four * across
         if abs(pixels[0] / pixels[1] - 1) > 0.1:
             pixels = four * np.ravel([[extent.max()] * 2, extent])
         told = ", ".join(f"{one:.0f}" for one in pixels)
-        return f"It looks normalised by the image's size; in pixels it is about {told}"
+        return (
+            f"It looks normalised by the image's size; in pixels it is about {told} "
+            "(or like millimetres, if the sensor is but 1 mm wide)"
+        )
     if (np.abs(centre) < 0.2).all():
         return "It looks normalised, and the centre measured from the middle of the image"
     if (centre > 0.2 * focal).all() and (centre < 0.1 * extent).all():

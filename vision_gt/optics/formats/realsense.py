@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from validation.poses.angles import Array
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.formats.fields import (
     OURS,
@@ -75,13 +76,18 @@ def _camera(source: Source, key: str, node: Node, alone: bool) -> Camera:
         raise bad(path, "the fisheye lens has four coefficients", f"{within}coeffs")
     if fisheye:
         return fisheye_camera(path, name, size, focal, lens[:4])
-    if not lens.any():
+    if model != "ftheta" and not lens.any():
         return made(path, name, size, np.concatenate([focal, np.zeros(5)]))
-    if model in _REFUSED or model == "none":
+    if model == "none" or (model in _REFUSED and not _is_brown(model, lens)):
         said = _REFUSED.get(model, "no lens, and yet coefficients that are not 0")
         said = f"{said}; {OURS}. Calibrate the camera: gtval vision calibrate"
         raise bad(path, said, f"{within}model", str(node.get("model")))
     return made(path, name, size, brown_or_rational(path, focal, lens, f"{within}coeffs"))
+
+
+def _is_brown(model: str, lens: Array) -> bool:
+    """Whether a modified Brown's lens is Brown's own: without its tangential part it is."""
+    return model == "modifiedbrownconrady" and not lens[2:4].any()
 
 
 def _model(said: Any) -> str:
