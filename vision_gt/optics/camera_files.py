@@ -64,7 +64,7 @@ def read_cameras(path: Path, name: str | None = None) -> list[Camera]:
     for one in FORMATS:
         if one.known(source):
             return one.read(source, name)
-    names = ", ".join(one.name for one in FORMATS if one.name)
+    names = "; ".join(one.name for one in FORMATS if one.name)
     said = f"the camera file lacks this, and is of no other format that is read: {names}"
     raise bad(path, said, "camera_matrix")
 

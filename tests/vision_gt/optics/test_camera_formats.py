@@ -228,8 +228,9 @@ def npz(**fields):
 @pytest.mark.parametrize(
     ("name", "data", "said"),
     [
-        ("objects.npz", npz(mtx=np.array([None])), "pickle"),
-        ("cut.npz", npz(mtx=K)[:-30], "not a camera file of numpy"),
+        ("objects.npz", npz(mtx=np.array([None])), "objects, which are not read"),
+        ("cut.npz", npz(mtx=K)[:-30], "no archive as numpy"),
+        ("spoilt.npz", npz(mtx=K)[:99] + b"?" + npz(mtx=K)[100:], "not a camera file of numpy"),
         ("one.npy", b"\x93NUMPY", "numpy.savez"),
         ("cameras.bin", b"\x01\x00", "model_converter --output_type TXT"),
         ("wrong.m", b"MATLAB 5.0 MAT-file", r"name it \.mat"),

@@ -59,7 +59,8 @@ def test_what_it_looks_like_is_told_in_pixels():
     ("centre", "said"),
     [
         ((1.2, -0.9), "measured from the middle"),
-        ((641.0, 482.0), "of larger images"),
+        ((641.0, 482.0), "images of about 1283 x 965 pixels"),
+        ((159.5, 119.5), "images of about 320 x 240 pixels"),
         ((3000.0, 240.0), "far outside"),
         ((320.0, -600.0), "far outside"),
     ],

@@ -62,6 +62,8 @@ def numbers(path: Path, value: Any, field: str, counts: Sequence[int]) -> Array:
         value = [one for row in value for one in (row if isinstance(row, list) else [row])]
     found = np.array([one if isinstance(one, float) else np.nan for one in value])
     if len(found) not in counts or not np.isfinite(found).all():
+        if tuple(counts) == (1,):
+            raise bad(path, "expected a finite number", field)
         wanted = " or ".join(str(n) for n in counts)
         lost = np.flatnonzero(~np.isfinite(found))
         got = f"number {lost[0] + 1} is none" if len(lost) else f"got {len(found)}"

@@ -19,6 +19,10 @@ _CORNER = 0.05
 """Share of an image's size from its corner within which no lens has its axis: assembly puts it
 within some hundredths of the middle. A part cut out of an image at random has it there once in 400
 times if it has it at all."""
+_SCALED, _ALIKE = 0.3, 0.1
+"""An axis off the middle by more than 0.15 of the image both ways, where it would be in the middle
+of larger or smaller images of the same shape: they may have axes 0.03 off the middle, 0.06 of half
+of an image, which makes 0.1 of the two ways' quotient."""
 _BEYOND = 1.0
 """Image sizes outside of which no axis is: such an image would be less than a third as wide as the
 one with the axis in the middle that it is cut from. A judgement."""
@@ -45,8 +49,9 @@ def check_pixels(path: Path, size: tuple[int, int], four: Array) -> None:
     Raises
     ------
     InputError
-        If the focal length is that of no lens, if its axis is at a corner of the image or far
-        outside of it, or if width and height seem to be exchanged.
+        If the focal length is that of no lens, if its axis is at the first corner of the image or
+        far outside of it, or if the numbers seem to be those of images of another size, or with
+        width and height exchanged.
     """
     extent = np.array(size, dtype=float)
     focal, centre = four[:2], four[2:]
@@ -63,8 +68,13 @@ def check_pixels(path: Path, size: tuple[int, int], four: Array) -> None:
             "millimetres, or measured from the middle of the image"
         )
         raise _error(path, said, "centre", centre)
-    if (np.abs(centre - extent) < _CORNER * extent).all():
-        said = f"it is at the corner of images of {_by(size)} pixels: of larger images?"
+    times = 2 * (centre + 0.5) / extent
+    if (np.abs(times - 1) > _SCALED).all() and abs(times[0] / times[1] - 1) < _ALIKE:
+        whole = tuple(int(one) for one in np.rint(2 * centre + 1))
+        said = (
+            f"in images of {_by(size)} pixels it is far from the middle; it is that of images of "
+            f"about {_by(whole)} pixels, for which the camera matrix seems to be made"
+        )
         raise _error(path, said, "centre", centre)
     if (centre < -_BEYOND * extent).any() or (centre > (1 + _BEYOND) * extent).any():
         said = f"it is far outside of images of {_by(size)} pixels"

@@ -166,6 +166,9 @@ def _plain(node: Any) -> Any:
 
 def _arrays(path: Path, data: bytes) -> dict[str, Any]:
     """Arrays of numpy.savez that are small enough to be fields of a camera; others are left out."""
+    said = "not a camera file of numpy"
+    if not zipfile.is_zipfile(io.BytesIO(data)):
+        raise bad(path, f"{said}: no archive as numpy.savez writes it, or a part of one")
     faults = (ValueError, OSError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
@@ -177,7 +180,9 @@ def _arrays(path: Path, data: bytes) -> dict[str, Any]:
             ]
             return {name: _as_read(np.asarray(archive[name]).tolist()) for name in small}
     except faults as error:
-        raise bad(path, f"not a camera file of numpy: {error}") from None
+        # numpy's advice would be to unpack objects, which can run anything.
+        why = "it has objects, which are not read" if "pickle" in str(error) else str(error)
+        raise bad(path, f"{said}: {why}") from None
 
 
 def _matlab(path: Path, data: bytes) -> dict[str, Any]:
