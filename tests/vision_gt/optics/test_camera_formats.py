@@ -151,12 +151,13 @@ WRITTEN = {
 }
 
 
-def seen_by_opencv(lens, matrix=K):
+def seen_by_opencv(lens, matrix=K, *, fisheye=None):
     """Points up to 30 degrees off the axis, and where OpenCV sees them."""
     side = np.tan(np.linspace(-0.5, 0.5, 9))
     points = np.stack(np.meshgrid(side, 0.8 * side, [1.0]), axis=-1).reshape(-1, 1, 3)
     zero = np.zeros(3)
-    see = cv2.fisheye.projectPoints if lens is WIDE else cv2.projectPoints
+    fisheye = lens is WIDE if fisheye is None else fisheye
+    see = cv2.fisheye.projectPoints if fisheye else cv2.projectPoints
     args = (zero, zero, matrix, np.array(lens))
     return points[:, 0], see(points, *args)[0][:, 0]
 
@@ -183,6 +184,10 @@ COLMAP = {
         "612.5 613.7 321.7 239.4 -0.1 0.05 0.0003 -0.0002 0.01 0.15 0.02 0.005",
         RATIONAL,
     ),
+    "SIMPLE_FISHEYE": ("612.5 321.7 239.4", [0.0] * 4),
+    "FISHEYE": ("612.5 613.7 321.7 239.4", [0.0] * 4),
+    "SIMPLE_RADIAL_FISHEYE": ("612.5 321.7 239.4 0.01", [0.01, 0, 0, 0]),
+    "RADIAL_FISHEYE": ("612.5 321.7 239.4 0.01 -0.02", [0.01, -0.02, 0, 0]),
     "OPENCV_FISHEYE": ("612.5 613.7 321.7 239.4 0.01 -0.02 0.005 -0.001", WIDE),
 }
 
@@ -199,8 +204,9 @@ def test_cameras_of_colmap_have_their_pixel_centres_moved(tmp_path, model):
     )
     camera = camera_of(path, "7")
     matrix = K + np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
-    matrix[1, 1] = camera.parameters[0] if "SIMPLE" in model or model == "RADIAL" else K[1, 1]
-    points, pixels = seen_by_opencv(lens, matrix)
+    if "SIMPLE" in model or "RADIAL" in model:
+        matrix[1, 1] = matrix[0, 0]
+    points, pixels = seen_by_opencv(lens, matrix, fisheye="FISHEYE" in model)
     np.testing.assert_allclose(project(points, camera.parameters) + 0.5, pixels, atol=1e-9)
     with pytest.raises(InputError, match=r"line 4, field 'MODEL': 'FOV'"):
         read_cameras(path)
