@@ -29,7 +29,6 @@ one with the axis in the middle that it is cut from. A judgement."""
 _EXCHANGED, _NEARER = 0.08, 4.0
 """An axis this share of the image off the middle both ways, and four times nearer to it once width
 and height are exchanged: at 5:4, the squarest of the usual images, an exchange makes 0.10."""
-
 _NEAR_HALF = 0.15
 """Share of the image that a normalised centre is off the middle at most, for what is told of it."""
 
@@ -62,6 +61,12 @@ def check_pixels(path: Path, size: tuple[int, int], four: Array) -> None:
             f"see {across:.0f} degrees. {_looks(extent, four)}"
         )
         raise _error(path, said, "focal length", focal)
+    _check_centre(path, size, centre)
+
+
+def _check_centre(path: Path, size: tuple[int, int], centre: Array) -> None:
+    """Raise where cx, cy (2,) are those of no axis of a lens in images of this size."""
+    extent = np.array(size, dtype=float)
     if (np.abs(centre) < _CORNER * extent).all():
         said = (
             "the centre has to be in pixels from the top left one; it looks normalised, in "
