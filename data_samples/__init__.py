@@ -1,1 +1,1 @@
-"""Sample campaigns: the published one and the synthetic room."""
+"""Sample campaigns: the published one, synthetic rooms, and drives over a campus."""

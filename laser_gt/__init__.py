@@ -1,1 +1,1 @@
-"""Robot poses from laser scans (not built yet)."""
+"""Robot poses from laser scans that are matched: of stops in a room, and along a drive."""

@@ -1,1 +1,1 @@
-"""Robot poses from cameras and markers (not built yet)."""
+"""Robot poses from cameras and markers: of stops in a room, and of a robot that drives."""

@@ -134,8 +134,11 @@ def calibrate(
         remark_lines,
     )
     from vision_gt.network.verdict import calibration_verdict
+    from vision_gt.optics.written_cameras import check_suffix
 
     board = _board(**options)
+    if target is not None:
+        check_suffix(target.suffix, file_format)
     with progress_bar("calibration") as report:
         found, looks = calibration_of_images(images, board, workers, report)
     if target is not None:

@@ -165,8 +165,9 @@ def _sharpen(image: Image, fits: PrintFits, bits: Array, flat: Flat) -> None:
     bend = None if bends is None else np.repeat(bends[one], len(tried))
     found = fit_sharpened(image, start, same, rims, flat, tried, bend, SOME)
     best = 1 + int(np.argmin(found.misfit[1:]))
-    least = np.maximum(found.misfit, 1e-6)
-    odds = 2 * found.pixels[0] * np.log(least[0] / least[best])
+    if not (found.good[0] and found.good[best]):
+        return  # nothing to compare: a fit that failed has a misfit without bound
+    odds = 2 * found.pixels[0] * np.log(found.misfit[0] / max(found.misfit[best], 1e-6))
     if not odds > _ODDS:
         return
     start, radii = fits.corners[good], np.full(len(good), tried[best])

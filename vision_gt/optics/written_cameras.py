@@ -12,6 +12,13 @@ from validation.poses.angles import Array
 from vision_gt.optics.camera import Camera
 
 FORMATS = ("opencv", "ros", "kalibr", "bouguet")
+_SUFFIXES = {
+    "opencv": (".yaml", ".yml", ".xml"),
+    "ros": (".yaml", ".yml"),
+    "kalibr": (".yaml", ".yml"),
+    "bouguet": (".mat",),
+}
+"""What files are named for: a file of Bouguet's toolbox is binary, and .m would be a program."""
 _ROS_NAMES = {
     "brown": "plumb_bob",
     "rational": "rational_polynomial",
@@ -25,7 +32,8 @@ def write_camera(path_suffix: str, file_format: str, camera: Camera) -> bytes:
     Parameters
     ----------
     path_suffix : str
-        Ending of the file; '.xml' makes OpenCV's XML instead of YAML.
+        Ending of the file: .yaml or .yml, .mat for Bouguet's toolbox; '.xml' makes OpenCV's XML
+        instead of YAML.
     file_format : {"opencv", "ros", "kalibr", "bouguet"}
         Whose file.
     camera : Camera
@@ -34,7 +42,8 @@ def write_camera(path_suffix: str, file_format: str, camera: Camera) -> bytes:
     Raises
     ------
     GtvalError
-        For another format, or if the format cannot hold the camera.
+        For another format, a file that would be named as one of another format, or if the
+        format cannot hold the camera.
     """
     writers: Mapping[str, Callable[[Camera], bytes]] = {
         "opencv": lambda c: _write_opencv(c, xml=path_suffix.lower() == ".xml"),
@@ -44,7 +53,24 @@ def write_camera(path_suffix: str, file_format: str, camera: Camera) -> bytes:
     }
     if file_format not in writers:
         raise GtvalError(f"camera files are written as {', '.join(FORMATS)}, not {file_format!r}")
+    check_suffix(path_suffix, file_format)
     return writers[file_format](camera)
+
+
+def check_suffix(path_suffix: str, file_format: str) -> None:
+    """Raise where a file would be named as one of another format than it has.
+
+    Raises
+    ------
+    GtvalError
+        With the endings that files of this format have.
+    """
+    if path_suffix.lower() not in _SUFFIXES[file_format]:
+        wanted = " or ".join(_SUFFIXES[file_format])
+        given = path_suffix or "without an ending"
+        raise GtvalError(
+            f"a camera file of the format {file_format} is named {wanted}, not {given}"
+        )
 
 
 def _coefficients(camera: Camera) -> Array:

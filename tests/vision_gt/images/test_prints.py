@@ -7,10 +7,11 @@ from scipy.stats import chi2
 from vision_scenes import APRIL, SIDE, close_up, marker_image, random_marker
 
 from data_samples.rendering.image import Optics
+from vision_gt.images import corners
 from vision_gt.images.markers import detect_markers
 from vision_gt.patterns.dictionaries import ARTOOLKITPLUS, Family
 from vision_gt.prints.edge_samples import Flat
-from vision_gt.prints.print_fit import fit_prints
+from vision_gt.prints.print_fit import _unfitted, fit_prints
 from vision_gt.prints.print_look import PADDING, Places, boundaries_in_reach, whiteness
 
 
@@ -147,3 +148,22 @@ def test_corners_of_prints_that_were_sharpened_are_right(amount, radius):
     # Eight numbers a marker, of which two are independent: 12 in all. That the halo of what is
     # behind the rim is in no sigma makes them too small, by up to a third: not more.
     assert np.sqrt(np.mean(stated) / 8) > rms / np.sqrt(chi2.ppf(1 - 1e-3, 12) / 12) / 1.5
+
+
+def test_where_no_fit_of_a_sharpened_image_holds_the_plain_one_stays(monkeypatch):
+    """A fit that failed has a misfit without bound: nothing is compared, and nobody is warned."""
+    rng = np.random.default_rng(5)
+    camera, image, true = close_up(rng, random_marker(rng, 3.0), 11)
+    bits = APRIL.bits(11).reshape(1, APRIL.cells, APRIL.cells)
+    plain = corners.refine_corners(image, true[None], bits, camera.parameters)
+    fit = corners.fit_sharpened
+
+    def without_sharpened(image, start, *others):
+        found = fit(image, start, *others)
+        found[np.arange(1, len(start))] = _unfitted(start[1:])
+        return found
+
+    monkeypatch.setattr(corners, "_SHARPENED", -np.inf)
+    monkeypatch.setattr(corners, "fit_sharpened", without_sharpened)
+    found = corners.refine_corners(image, true[None], bits, camera.parameters)
+    np.testing.assert_array_equal(found.corners, plain.corners)

@@ -1,4 +1,4 @@
-"""Camera files of four programs, read and written."""
+"""Camera files of four programs, read and written; those of others: test_camera_formats."""
 
 import numpy as np
 import pytest
@@ -99,7 +99,7 @@ def test_a_message_of_ros_is_read_and_refused_where_images_are_binned(tmp_path, 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("1 OPENCV 1280 960 1000.0 1000.0 640 480 -0.2 0.08 5e-4 -3e-4\n", "COLMAP"),
+        ("1 OPENCV 1280 960 1000.0 1000.0 640 480 -0.2 0.08 5e-4\n", "expected 8 numbers"),
         ("<?xml version='1.0'?>\n<calibration>\n<f>1000</f>\n</calibration>\n", "OpenCV writes"),
         ("image_width: 640\n", "lacks this"),
         ("this is: [not", "not a camera file"),
@@ -222,6 +222,16 @@ def test_a_missing_file_and_a_broken_mat(tmp_path):
     path.write_bytes(b"nonsense")
     with pytest.raises(InputError, match="not a MATLAB file"):
         read_cameras(path)
+
+
+@pytest.mark.parametrize(
+    ("file_format", "suffix"),
+    [("bouguet", ".m"), ("bouguet", ".yaml"), ("ros", ".mat"), ("opencv", ".npz"), ("kalibr", "")],
+)
+def test_no_file_is_named_as_one_of_another_format(file_format, suffix):
+    wanted = SUFFIXES[file_format]
+    with pytest.raises(GtvalError, match=rf"format {file_format} is named \{wanted}"):
+        write_camera(suffix, file_format, a_camera())
 
 
 def test_kalibr_cannot_hold_k3():

@@ -1,0 +1,1 @@
+"""Formats of camera files, one module for each program or two."""
