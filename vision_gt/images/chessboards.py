@@ -1,4 +1,4 @@
-"""Plain chessboards: what OpenCV's detectors find, and whether that is the stated board.
+"""Plain chessboards and grids of circles: what OpenCV finds, and whether it is the stated board.
 
 The sector-based detector searches with random numbers, which OpenCV draws from one source for all
 that a thread does. Each search begins that source anew, so that what an image shows depends on
@@ -27,6 +27,11 @@ wrong."""
 _GOES_ON = 0.6
 """Of the contrast by turns just before a side's corners, what is just beyond them: 0.92 to 1.05 on
 26 photographs; -0.09 and 0.27 where the corners were on the rim, and all is alike beyond."""
+_ROUND = 0.82
+"""Of a blob, 4 pi area over the square of its rim: a square has 0.785, an ellipse of 2 to 1
+0.84."""
+_FEW_CIRCLES = 12
+"""Fewer blobs of one size are no grid."""
 _BY_TURNS = 0.7
 """Share of a found board's squares that are dark and light by turns: half of them by chance, three
 quarters where there are markers in the light ones."""
@@ -103,6 +108,38 @@ def any_size(image: Image) -> Array | None:
     if not seen:
         return None
     return np.asarray(corners, dtype=float).reshape(*np.asarray(meta).shape[:2], 2)
+
+
+def grid_of_circles(image: Image) -> tuple[str, Array] | None:
+    """What a grid of circles in an image is, in words, and its circles (n, 2); None for none."""
+    for shown in (image, np.asarray(255 - image, dtype=np.uint8)):
+        count = _alike_blobs(shown)
+        if count < _FEW_CIRCLES:
+            continue
+        sizes = [(n, count // n) for n in range(3, count // 3 + 1) if count % n == 0]
+        for flag, name in (
+            (cv2.CALIB_CB_SYMMETRIC_GRID, "a symmetric"),
+            (cv2.CALIB_CB_ASYMMETRIC_GRID, "an asymmetric"),
+        ):
+            for across, down in sizes:
+                begin_anew()
+                seen, places = cv2.findCirclesGrid(shown, (across, down), flags=flag)
+                if seen:
+                    found = np.asarray(places, dtype=float).reshape(-1, 2)
+                    return f"{name} grid of {across} x {down} circles", found
+    return None
+
+
+def _alike_blobs(image: Image) -> int:
+    """How many dark blobs of about one size an image shows."""
+    wanted = cv2.SimpleBlobDetector.Params()
+    wanted.filterByCircularity, wanted.minCircularity = True, _ROUND
+    found = cv2.SimpleBlobDetector.create(wanted).detect(image)
+    sizes = np.array([one.size for one in found])
+    if not len(sizes):
+        return 0
+    middle = np.median(sizes)
+    return int(((sizes > middle / 2) & (sizes < 2 * middle)).sum())
 
 
 def without_rim(image: Image, grid: Array) -> Array:

@@ -20,7 +20,7 @@ from vision_gt.images.charuco import (
     best_size,
     of_size,
 )
-from vision_gt.images.chessboards import any_size, begin_anew, without_rim
+from vision_gt.images.chessboards import any_size, grid_of_circles, without_rim
 from vision_gt.images.reading import read_codes
 from vision_gt.patterns.boards import LEAST_PLAIN, Board
 from vision_gt.patterns.dictionaries import Family
@@ -79,9 +79,6 @@ part of a board several sizes are right. A judgement."""
 _ALTERNATE, _CONTRAST = 0.95, 15.0
 """Share of the squares between corners that are dark and light by turns, and grey levels between
 them: cells of markers and gaps between circles are not."""
-_ROUND = 0.82
-"""Of a blob, 4 pi area over the square of its rim: a square has 0.785, an ellipse of 2 to 1
-0.84."""
 _NEAR_CORNER, _FAINT = 0.8, 0.25
 """Share of the way from a square's middle to its corner at which a chessboard still alternates by
 more than this share: squares of 8 px under a blur of 0.7 px by half. Circles that do not touch
@@ -92,8 +89,6 @@ corner of a ChArUco board. And its length in sides: gaps of grids are a fifth to
 _FEW_CORNERS = 15
 """Fewer are no chessboard: cells of a marker are dark and light by turns, too."""
 _QUICK = cv2.CALIB_CB_FAST_CHECK | cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-_FEW_CIRCLES = 12
-"""Fewer blobs of one size are no grid."""
 
 
 def stated_wrongly(name: str) -> bool:
@@ -278,35 +273,11 @@ def _other_size(image: Image, board: Board, beside: Sequence[Board] = ()) -> Oth
 
 def circles(image: Image, board: Board) -> OtherBoard | None:
     """A grid of circles where a board was stated; None if there is none."""
-    for shown in (image, np.asarray(255 - image, dtype=np.uint8)):
-        count = _alike_blobs(shown)
-        if count < _FEW_CIRCLES:
-            continue
-        sizes = [(n, count // n) for n in range(3, count // 3 + 1) if count % n == 0]
-        for flag, name in (
-            (cv2.CALIB_CB_SYMMETRIC_GRID, "a symmetric"),
-            (cv2.CALIB_CB_ASYMMETRIC_GRID, "an asymmetric"),
-        ):
-            for across, down in sizes:
-                begin_anew()
-                seen, places = cv2.findCirclesGrid(shown, (across, down), flags=flag)
-                if seen:
-                    outline = np.asarray(places, dtype=float).reshape(-1, 2)
-                    said = f"{name} grid of {across} x {down} circles, not a {_kind(board)}"
-                    return OtherBoard(said, None, hull(outline))
-    return None
-
-
-def _alike_blobs(image: Image) -> int:
-    """How many dark blobs of about one size an image shows."""
-    wanted = cv2.SimpleBlobDetector.Params()
-    wanted.filterByCircularity, wanted.minCircularity = True, _ROUND
-    found = cv2.SimpleBlobDetector.create(wanted).detect(image)
-    sizes = np.array([one.size for one in found])
-    if not len(sizes):
-        return 0
-    middle = np.median(sizes)
-    return int(((sizes > middle / 2) & (sizes < 2 * middle)).sum())
+    found = grid_of_circles(image)
+    if found is None:
+        return None
+    name, places = found
+    return OtherBoard(f"{name}, not a {_kind(board)}", None, hull(places))
 
 
 def other_board(image: Image, board: Board) -> OtherBoard | None:
