@@ -129,15 +129,7 @@ def read_codes(image: Image, quads: Array, family: Family, wrong: int | None = N
     rows = np.flatnonzero(usable)
     if not len(rows):
         return Reading(*5 * (nothing,))
-    side = cells + 2
-    inner = slice(1 + family.border, side - 1 - family.border)
-    ahead = (grey - middle)[rows].reshape(-1, side, side)
-    size = np.linalg.norm(quads[rows] - np.roll(quads[rows], 1, axis=1), axis=-1).min(1) / cells
-    strength = _SHARPER * np.clip((_SHARPEN_BELOW - size) / (_SHARPEN_BELOW - 2), 0, 1)
-    around = ahead[:, :-2, 1:-1] + ahead[:, 2:, 1:-1] + ahead[:, 1:-1, :-2] + ahead[:, 1:-1, 2:]
-    sharp = ahead.copy()
-    sharp[:, 1:-1, 1:-1] += strength[:, None, None] * (ahead[:, 1:-1, 1:-1] - around / 4)
-    bits = np.where(sharp[:, inner, inner] > 0, 1.0, -1.0).reshape(len(rows), -1)
+    bits = np.where(_sharper((grey - middle)[rows], quads[rows], family) > 0, 1.0, -1.0)
     codes = _codes(family)
     agree = bits.astype(np.float32) @ codes.T
     best = agree.argmax(1)
@@ -145,6 +137,55 @@ def read_codes(image: Image, quads: Array, family: Family, wrong: int | None = N
     fine = off <= allowed
     turned, number = np.divmod(best[fine], len(codes) // 4)
     return Reading(rows[fine], number.astype(np.intp), turned.astype(np.intp), off[fine], rows)
+
+
+def code_margins(image: Image, quads: Array, numbers: Ints, family: Family) -> Array:
+    """By how many cells (n,) markers look more like their ids than like any other one.
+
+    Parameters
+    ----------
+    image : (h, w) array of uint8
+        Grey levels.
+    quads : (n, 4, 2) array
+        Corners, from the top left of the print clockwise, pixels.
+    numbers : (n,) array of int
+        What they were read as.
+    family : Family
+        Of the markers.
+
+    Notes
+    -----
+    Each cell counts as far as it is from the middle between black and white, at most 1. Two codes
+    that differ in d cells are 2 d apart, and a wrong id is below 0.
+    """
+    cells = family.cells
+    grey = _cell_levels(image, quads, cells)
+    white, black = grey[:, _rim(cells)], grey[:, _ring(cells, 1)]
+    middle = (_plane(white, cells, 0) + _plane(black, cells, 1)) / 2
+    half = np.maximum((white.mean(1) - black.mean(1)) / 2, 1.0)[:, None]
+    says = np.clip(_sharper((grey - middle) / half, quads, family), -1, 1)
+    codes = _codes(family)
+    agree = says.astype(np.float32) @ codes.T
+    own = np.arange(len(quads)), numbers  # those that are not turned come first
+    said = agree[own]
+    agree[own] = -np.inf
+    return np.asarray(said - agree.max(1), dtype=float)
+
+
+def _sharper(ahead: Array, quads: Array, family: Family) -> Array:
+    """(n, bits) how far cells are from the middle grey level, with less of what blur mixes in.
+
+    ``ahead`` (n, (cells + 2)^2) of all cells, those of the rim included.
+    """
+    side = family.cells + 2
+    inner = slice(family.border, side - 2 - family.border)
+    own = ahead.reshape(-1, side, side)
+    size = np.linalg.norm(quads - np.roll(quads, 1, axis=1), axis=-1).min(1) / family.cells
+    strength = _SHARPER * np.clip((_SHARPEN_BELOW - size) / (_SHARPEN_BELOW - 2), 0, 1)
+    around = own[:, :-2, 1:-1] + own[:, 2:, 1:-1] + own[:, 1:-1, :-2] + own[:, 1:-1, 2:]
+    middle = own[:, 1:-1, 1:-1]
+    sharp = middle + strength[:, None, None] * (middle - around / 4)
+    return np.asarray(sharp[:, inner, inner].reshape(len(own), -1))
 
 
 def wrong_cells_allowed(family: Family) -> int:

@@ -11,7 +11,7 @@ from vision_scenes import APRIL, opencv_markers
 from vision_gt.images.boards import look_for_boards
 from vision_gt.images.files import read_image
 from vision_gt.images.markers import detect_markers
-from vision_gt.images.reading import read_codes, turned_corners, wrong_cells_allowed
+from vision_gt.images.reading import code_margins, read_codes, turned_corners, wrong_cells_allowed
 from vision_gt.patterns.boards import Board
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.prints.edge_samples import Flat, sampled
@@ -109,3 +109,16 @@ def test_corners_of_webcams_that_sharpen_are_kept(camera):
             if number in found:
                 assert np.linalg.norm(found[number] - corner) < 3
     assert own >= 0.95 * theirs
+
+
+def test_a_marker_that_looks_as_well_like_another_one_is_not_read():
+    """ARUCO_ORIGINAL's ids 14 and 15 differ in few cells; those half way, nobody can tell."""
+    family = Family("ARUCO_ORIGINAL")
+    one, corners = drawn(family, 14, 8, 120)
+    other, _ = drawn(family, 15, 8, 120)
+    numbers = np.array([14])
+    assert code_margins(one, corners[None], numbers, family)[0] > 3
+    assert code_margins(other, corners[None], numbers, family)[0] < -3
+    for share in (0.45, 0.5, 0.55):
+        mixed = np.rint((1 - share) * one + share * other).astype(np.uint8)
+        assert detect_markers(mixed, family).numbers == ()
