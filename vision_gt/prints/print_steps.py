@@ -4,8 +4,10 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import log_ndtr
 
 from validation.poses.angles import Array
+from validation.statistics.robust import SIGMA_OF_MEDIAN
 from vision_gt.prints.grey_fits import (
     AMOUNT_INFORMATION,
     BEND_INFORMATION,
@@ -71,6 +73,8 @@ _BENDS = 0.1
 """Change of the bend of the tone curve that is still to come, as of a tenth of a usual one."""
 _SAME_RIM, _MOST_ROUNDS = 0.03, 2
 """Share of the pixels that may still come or go, and how often it is judged at most."""
+_LIKE_OTHERS = 3.0
+"""Standard deviations below the model from which on a cut-off pixel is as any other."""
 _SETTLED = 0.3
 """Pixels that a corner moves when it is good enough to judge what lies beyond the rim."""
 
@@ -205,8 +209,7 @@ def steps_to_rest(
             judged = np.where(changed < _SAME_RIM, _MOST_ROUNDS, rounds + 1)
             rounds = np.where(judge, judged, rounds)
             used = np.asarray(white)
-        told = _not_cut_off(seen.grey, residual, used)
-        weights = tukey_of_filled(residual, state.contrast, step + (not fresh)) * told
+        told, weights = _weighed(seen.grey, used, residual, state, step + (not fresh))
         np.multiply(jacobian, weights[:, None], out=weighted)
         inverse, change = _solved(jacobian, weighted, residual, state)
         moved = np.abs((corners_of(state.H)[1] @ change[:, None, :BLUR, None])[..., 0]).max((1, 2))
@@ -239,12 +242,40 @@ def _room(seen: Seen, state: State) -> Floats:
     return np.empty((len(seen.grey), state.unknowns, seen.grey.shape[1]), seen.grey.dtype)
 
 
-def _not_cut_off(grey: Floats, residual: Floats, used: Mask) -> Mask:
-    """Where light is cut off as the model foretells, a pixel says no more: no outlier."""
+def _weighed(
+    grey: Floats, used: Mask, residual: Floats, state: State, step: int
+) -> tuple[Mask, Floats]:
+    """Which pixels tell something, and weights; residuals of cut-off ones are made new."""
+    told = used
     bright, dark = grey >= SATURATED, grey <= 255 - SATURATED
-    if not (bright.any() or dark.any()):
-        return used
-    return np.asarray(used & ~((bright & (residual < 0)) | (dark & (residual > 0))))
+    cut = (bright | dark) & used
+    if cut.any():
+        # Where light is cut off as the model foretells, a pixel is no outlier.
+        told = np.asarray(used & ~((bright & (residual < 0)) | (dark & (residual > 0))))
+    weights = np.asarray(tukey_of_filled(residual, state.contrast, step) * told)
+    if cut.any():
+        _hold_cut_off(np.where(bright, 1.0, -1.0), cut, used & ~cut, residual, weights)
+    return told, weights
+
+
+def _hold_cut_off(bright: Floats, cut: Mask, free: Mask, residual: Floats, weights: Floats) -> None:
+    """Let pixels that are cut off say that the light is at least, or at most, so much.
+
+    With z the standard deviations by which the model is beyond, the likelihood is the normal
+    distribution's share below z; one Newton step on its logarithm is a weighted residual. Without
+    it, of pixels that would be about as bright as white can be, only those that noise made darker
+    would count (Tobin, "Estimation of relationships for limited dependent variables", Econometrica
+    26 (1958)).
+    """
+    for row in np.flatnonzero(cut.any(1) & free.any(1)):
+        sign, left = bright[row, cut[row]], residual[row, cut[row]]
+        sigma = max(SIGMA_OF_MEDIAN * float(np.median(np.abs(residual[row, free[row]]))), 1.0)
+        z = np.clip(-sign * left / sigma, -_LIKE_OTHERS, 8.0)
+        ratio = np.exp(-0.5 * z * z - log_ndtr(z)) / np.sqrt(2 * np.pi)
+        share = np.maximum(ratio * (ratio + z), 1e-6)
+        near = z > -_LIKE_OTHERS
+        weights[row, cut[row]] = np.where(near, share, weights[row, cut[row]])
+        residual[row, cut[row]] = np.where(near, sign * sigma * ratio / share, left)
 
 
 def _solved(
