@@ -28,7 +28,7 @@ STOCK_SIGMA = 1.0
 """Pixels; of a coordinate of OpenCV's corners where none could be fitted: boards that are far,
 strongly blurred or noisy. Of 13 such boards, drawn with blur of 0.7 to 4 px and noise of 8 to 30
 grey levels, the root mean square error was 0.3 to 2.6, in the middle 0.9."""
-_LEAST_SIGMA = 0.01
+_LEAST_SIGMA = 0.004
 """Pixels; what the print and the model of the blur add to each fitted corner: a judgement, a tenth
 of the usual noise of OpenCV's corners."""
 _CLEAR, _CLEAR_OF_CORNERS = 0.64, 0.4

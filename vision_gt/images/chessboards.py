@@ -30,8 +30,9 @@ _GOES_ON = 0.6
 _ROUND = 0.82
 """Of a blob, 4 pi area over the square of its rim: a square has 0.785, an ellipse of 2 to 1
 0.84."""
-_FEW_CIRCLES = 12
-"""Fewer blobs of one size are no grid."""
+_FEW_CIRCLES, _MOST_CIRCLES = 12, 400
+"""Fewer blobs of one size are no grid; and more than 20 x 20 are a floor or a cloth, on which the
+search for a grid would take minutes."""
 _BY_TURNS = 0.7
 """Share of a found board's squares that are dark and light by turns: half of them by chance, three
 quarters where there are markers in the light ones."""
@@ -114,7 +115,7 @@ def grid_of_circles(image: Image) -> tuple[str, Array] | None:
     """What a grid of circles in an image is, in words, and its circles (n, 2); None for none."""
     for shown in (image, np.asarray(255 - image, dtype=np.uint8)):
         count = _alike_blobs(shown)
-        if count < _FEW_CIRCLES:
+        if not _FEW_CIRCLES <= count <= _MOST_CIRCLES:
             continue
         sizes = [(n, count // n) for n in range(3, count // 3 + 1) if count % n == 0]
         for flag, name in (

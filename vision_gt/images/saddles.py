@@ -44,11 +44,11 @@ of 100 is 0.02, and a marker's corner or a shadow's end leaves a third of the co
 _SHARPENED = 0.04
 """Median of the residuals over contrast from which on sharpening is tried, twice what noise of two
 grey levels leaves."""
-_NOISE_ALONE = 0.025
-"""Residuals over contrast that are taken as noise."""
-_SHIFT_BY_MISFIT = 1.8
-"""A residual of one sign beside a line, over the line's slope of 0.4 contrasts a width of the blur,
-shifts it by 2.5 widths; a coordinate has half of each of two lines."""
+_NEAR, _MOST_ALIKE = 3, 9.0
+"""Pixels to which grey levels may be off alike: what JPEG, Bayer's pattern, noise that a camera
+smoothed, a bent tone curve and wider blur leave is alike over two or three. And by how much
+variances are larger for that at most: smoothed noise needs 4, and what a tone curve or motion
+leaves goes to 36 but moves no corner, as it is the same on both sides."""
 
 
 @dataclass(frozen=True)
@@ -101,26 +101,26 @@ def refine_saddles(image: Image, start: Array, axes: Array, radius: float) -> Sa
     if usable.any() and float(np.median(fit.misfit[usable])) > _SHARPENED:
         sharpened = (_fitted(seen, first, width) for width in SHARPENING_WIDTHS)
         fit = min([fit, *sharpened], key=lambda one: float(np.median(one.misfit[usable])))
-    spread = fit.sigmas
-    # What noise cannot explain is taken to have one sign along each of the two lines.
-    beyond = np.sqrt(np.maximum(fit.misfit**2 - _NOISE_ALONE**2, 0.0))
-    sigmas = np.hypot(spread, _SHIFT_BY_MISFIT * beyond * fit.values[:, 4])
     good = (
         fit.enough
         & (np.linalg.norm(fit.values[:, :2], axis=1) < _MOST_SHIFT)
         & (fit.misfit < _WORST_FIT)
         & (fit.contrast > _LEAST_CONTRAST)
-        & (spread < _MOST_SIGMA)
+        & (fit.alone < _MOST_SIGMA)
     )
-    return SaddleFit(start + fit.values[:, :2], sigmas, good)
+    return SaddleFit(start + fit.values[:, :2], fit.sigmas, good)
 
 
 @dataclass(frozen=True)
 class _Saddles:
-    """Where the fits ended: unknowns (n, 10), and what is left of the grey levels (n,) each."""
+    """Where the fits ended: unknowns (n, 10), and what is left of the grey levels (n,) each.
+
+    Standard deviations (n,) also ``alone``, as noise of single pixels makes them.
+    """
 
     values: Array
     sigmas: Array
+    alone: Array
     misfit: Array
     contrast: Array
     enough: Mask
@@ -146,10 +146,38 @@ def _fitted(seen: tuple[Array, Array, Array], values: Array, width: float) -> _S
     count = np.maximum(weight.sum(1) - _UNKNOWNS, 1.0)
     variance = np.maximum((weight * residual**2).sum(1) / count, LEAST_VARIANCE)
     inverse = np.linalg.inv(normal)
-    sigmas = np.sqrt(variance * np.maximum(inverse[:, 0, 0], inverse[:, 1, 1]))
+    single = variance[:, None] * np.diagonal(inverse[:, :2, :2], axis1=1, axis2=2)
+    moves = weight[..., None] * (jacobian @ inverse[:, :, :2])
+    alike = _of_neighbours(weight * residual / np.sqrt(variance)[:, None], moves, enough)
+    sigmas = np.sqrt((single * np.minimum(alike, _MOST_ALIKE)).max(1))
+    alone = np.sqrt(single.max(1))
     contrast = 2 * np.abs(values[:, 8])
     misfit = np.sqrt(variance) / np.maximum(contrast, 1e-3)
-    return _Saddles(values, sigmas, misfit, contrast, enough)
+    return _Saddles(values, sigmas, alone, misfit, contrast, enough)
+
+
+def _of_neighbours(left: Array, moves: Array, enough: Mask) -> Array:
+    """(n, 2) by how much variances are larger as pixels side by side are off alike.
+
+    By what is left (n, p), in standard deviations, and by how much each grey level moves the
+    corner (n, p, 2). How alike pixels are at each distance is taken from all corners together:
+    one has too few pixels to tell.
+    """
+    side = 2 * _REACH + 1
+    field, pull = left.reshape(-1, side, side), moves.reshape(-1, side, side, 2)
+    own = np.square(pull).sum((1, 2))
+    total = np.zeros_like(own)
+    size = max(float(np.square(field[enough]).sum()), 1e-12)
+    for dy in range(_NEAR + 1):
+        for dx in range(-_NEAR if dy else 1, _NEAR + 1):
+            rows, others = np.s_[: side - dy], np.s_[dy:]
+            here, there = (
+                np.s_[max(-dx, 0) : side - max(dx, 0)],
+                np.s_[max(dx, 0) : side + min(dx, 0)],
+            )
+            alike = (field[enough, rows, here] * field[enough, others, there]).sum() / size
+            total += 2 * alike * (pull[:, rows, here] * pull[:, others, there]).sum((1, 2))
+    return np.asarray(np.maximum(1 + total / np.maximum(own, 1e-30), 1.0))
 
 
 def _patches(image: Image, start: Array, axes: Array, radius: float) -> tuple[Array, Array, Array]:
