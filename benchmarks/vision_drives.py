@@ -5,8 +5,9 @@ wrong markers; places, lenses and markers a little off what is known (the drives
 tests/vision_gt/driving). A line a drive: rms of the fused positions and headings where a camera
 sees the robot, mean and largest squared error over covariance (mean of 3 expected), the largest
 ratio of standard deviations of two neighbouring poses while the same cameras see the robot, frames
-with wrong markers that were kept, and for each camera the error of its delay with half of its interval, and the error of
-AD2.3's own way, the largest correlation of headings. A drive takes half a minute.
+with wrong markers that were kept, and for each camera the error of its delay with half of its
+interval, and the error of AD2.3's own way, the largest correlation of headings. A drive takes half
+a minute.
 
     python benchmarks/vision_drives.py [--drives 20] [--seconds 120] [--noise 0.2]
 """

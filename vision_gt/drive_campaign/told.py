@@ -54,7 +54,9 @@ def drive_findings(drive: CampaignDrive) -> Iterator[Finding]:
         size = (Size("share of the trajectory with frames on both sides", share),)
         yield Finding(severity, text, SYSTEM, "drive_seen", size)
     if outcome.trajectory is not None:
-        yield from _left_out(outcome, posed)
+        if outcome.without_odometry:
+            yield _without_odometry(outcome)
+        yield from _left_out(outcome, posed, with_odometry=drive.odometry is not None)
     if outcome.assumed:
         text = (
             f"What cameras {', '.join(outcome.assumed)} saw does not tell their delays: their "
@@ -75,7 +77,22 @@ def drive_findings(drive: CampaignDrive) -> Iterator[Finding]:
         yield Finding("warning", text, f"vision_{name}", "unknown_camera")
 
 
-def _left_out(outcome: DriveOutcome, posed: Mapping[str, int]) -> Iterator[Finding]:
+def _without_odometry(outcome: DriveOutcome) -> Finding:
+    """A trajectory of the cameras alone, though there is odometry."""
+    text = (
+        f"The odometry is not used: it tells the delay of no camera ({outcome.without_odometry}). "
+        "The trajectory is what the cameras alone tell; the place of the robot tells their delays "
+        f"against each other. Its time is that of the stamps of camera {outcome.reference}; how "
+        "late these are is not told, and all poses may be late or early together. Let the robot "
+        "turn in view of a camera, and start or stop."
+    )
+    size = (Size("cameras whose delay the odometry tells", 0, "cameras"),)
+    return Finding("warning", text, SYSTEM, "odometry_unused", size)
+
+
+def _left_out(
+    outcome: DriveOutcome, posed: Mapping[str, int], *, with_odometry: bool
+) -> Iterator[Finding]:
     """Cameras that are not in the trajectory, with the number of their poses."""
     for name, said in outcome.left_out.items():
         text, count = f"Camera {name} is not in the trajectory: {said}.", posed.get(name, 0)
@@ -84,8 +101,8 @@ def _left_out(outcome: DriveOutcome, posed: Mapping[str, int]) -> Iterator[Findi
         elif count:
             text += (
                 f" Its {count} poses are kept, on its own clock ('clock unknown'). State "
-                "[vision.drive] odometry; or one_clock = true, if its stamps are of one clock "
-                "with those of the others."
+                f"[vision.drive] {'' if with_odometry else 'odometry; or '}one_clock = true, if "
+                "its stamps are of one clock with those of the others."
             )
         size = (Size("frames with a pose", count, "frames"),)
         yield Finding("warning", text, f"vision_{name}", "camera_left_out", size)
@@ -131,13 +148,19 @@ def drive_table(drive: CampaignDrive) -> Table:
         )
     heads = ["camera", "frames", "kept", *WHY_NOT]
     heads += ["position sd [mm]", "heading sd [mrad]", "delay [ms]", "+- [ms]"]
-    return Table("Cameras in the drive", heads, rows)
+    outcome = drive.outcome
+    note = "A delay is what is added to a camera's stamps: one that stamps late has a negative one."
+    if outcome.reference:
+        note += f" Against camera {outcome.reference}, whose own is not told."
+    return Table("Cameras in the drive", heads, rows, note=note)
 
 
 def parts_of_delays(drive: CampaignDrive) -> Table:
     """The delays of all cameras by parts of the drive."""
     fused = drive.outcome.trajectory
     begin = 0 if fused is None else fused.epoch
+    reference = drive.outcome.reference
+    against = f"Against camera {reference}" if reference else "Against the odometry"
     parts = [
         (name, clock.epoch - begin, part)
         for name, clock in drive.outcome.clocks.items()
@@ -155,7 +178,7 @@ def parts_of_delays(drive: CampaignDrive) -> Table:
             ("low [ms]", "+.1f", [1e3 * part.low_s for _, _, part in parts]),
             ("high [ms]", "+.1f", [1e3 * part.high_s for _, _, part in parts]),
         ],
-        note=f"Against the odometry; seconds after {begin}, as in the figure below. What the "
+        note=f"{against}; seconds after {begin}, as in the figure below. What the "
         "odometry is off by lasts for seconds, and makes parts differ by some milliseconds more "
         "than their intervals say.",
     )
@@ -234,6 +257,8 @@ def drive_facts(drive: CampaignDrive) -> dict[str, object]:
         "clock_unknown": {one.camera: one.count("clock unknown") for one in outcome.streams},
         "left_out": dict(outcome.left_out),
         "supported": float(np.mean(outcome.supported)) if len(outcome.supported) else 0.0,
+        "without_odometry": outcome.without_odometry,
+        "reference_camera": outcome.reference,
         "delays": {
             name: None
             if clock.verdict != "determined"
