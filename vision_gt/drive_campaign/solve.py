@@ -1,7 +1,7 @@
 """A campaign's drive: from the frames of its cameras to one trajectory."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from validation.campaign.folder import Campaign
 from validation.errors import InputError, Problem
@@ -10,12 +10,13 @@ from validation.poses.trajectory import Clock, Trajectory
 from validation.systems import Progress, no_progress
 from validation.trajectories.formats import read_trajectory
 from vision_gt.campaign.outcome import VisionOutcome
-from vision_gt.drive_campaign.detecting import frames_seen
-from vision_gt.drive_campaign.frames import CameraFrames, drive_frames
+from vision_gt.drive_campaign.detecting import ALL, frames_seen
+from vision_gt.drive_campaign.frames import CameraFrames, drive_frames, each_once
 from vision_gt.driving.drive import DriveOutcome, solve_drive
 from vision_gt.driving.stream import Stream, camera_stream
 from vision_gt.images.jobs import MarkerJob
 from vision_gt.images.kept import KeptDetections
+from vision_gt.images.pictures import video_frames
 from vision_gt.patterns.dictionaries import Family
 from vision_gt.robot.robot_pose import Floor
 from vision_gt.settings import VisionSettings
@@ -41,12 +42,15 @@ class CampaignDrive:
         Frames of a camera that could not be read.
     strangers : tuple of str
         Cameras with frames that the network does not have.
+    repeated : mapping of str to int
+        Frames of a camera that are copies of earlier ones, and count once.
     """
 
     outcome: DriveOutcome
     odometry: Trajectory | None
     unread: Mapping[str, int]
     strangers: tuple[str, ...]
+    repeated: Mapping[str, int] = field(default_factory=dict)
 
 
 def check_frames(campaign: Campaign) -> None:
@@ -95,7 +99,7 @@ def solve_campaign_drive(
     settings = vision.settings.drive
     every = _frames(campaign, vision.settings)
     names = [camera.name for camera in vision.network.network.cameras]
-    frames = [one for one in every if one.camera in names]
+    frames = [each_once(one) for one in every if one.camera in names]
     if not every:
         return None
     odometry = _odometry(campaign, settings.odometry)
@@ -113,7 +117,8 @@ def solve_campaign_drive(
     progress("clocks and trajectory", 0.9)
     outcome = solve_drive(streams, odometry, window=settings.window, one_clock=settings.one_clock)
     strangers = tuple(one.camera for one in every if one.camera not in names)
-    return CampaignDrive(outcome, odometry, unread, strangers)
+    repeated = {one.camera: one.repeated for one in frames}
+    return CampaignDrive(outcome, odometry, unread, strangers, repeated)
 
 
 def _stream(
@@ -134,9 +139,7 @@ def _stream(
     kept = KeptDetections(path, whole=False)
     found = frames_seen(frames, job, kept, workers, report)
     if len(found) != len(frames):
-        said = f"{len(frames)} times, but {frames.video and frames.video.name} has other frames"
-        path = campaign.folder if frames.video is None else frames.video.with_suffix(".csv")
-        raise InputError([Problem(path, said)])
+        raise InputError([other_count(frames)])
     bad = [one for one in found if one.fault]
     if len(bad) == len(found):
         raise InputError([Problem(one.path, one.fault) for one in bad[:MOST_TOLD]])
@@ -152,6 +155,17 @@ def _stream(
         clock=Clock(settings.drive.stamps),
         on_floor=settings.drive.on_floor,
     )
+
+
+def other_count(frames: CameraFrames) -> Problem:
+    """A video with another number of frames than of times."""
+    assert frames.video is not None  # images are as many as their names
+    count = sum(1 for _ in video_frames(frames.video, ALL))
+    said = (
+        f"{len(frames)} times, but {frames.video.name} has {count} frames; write a row for each "
+        "frame, as which of them have none is not known"
+    )
+    return Problem(frames.video.with_suffix(".csv"), said)
 
 
 def _odometry(campaign: Campaign, name: str) -> Trajectory | None:

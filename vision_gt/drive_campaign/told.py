@@ -35,28 +35,45 @@ TEXT = (
 
 def drive_findings(drive: CampaignDrive) -> Iterator[Finding]:
     """Findings, the most important first."""
+    yield from _of_trajectory(drive)
+    yield from _of_clocks(drive)
+    for one in drive.outcome.streams:
+        yield from _of_camera(one, drive.unread.get(one.camera, 0))
+        if drive.repeated.get(one.camera):
+            yield _repeated(one.camera, drive.repeated[one.camera])
+    for name in drive.strangers:
+        text = f"The frames of camera {name} are not used: the network has no such camera."
+        yield Finding("warning", text, f"vision_{name}", "unknown_camera")
+
+
+def _of_trajectory(drive: CampaignDrive) -> Iterator[Finding]:
+    """Whether there is one, of what, and without whom."""
     outcome = drive.outcome
-    posed = {one.camera: int(one.posed.sum()) for one in outcome.streams}
     kept = sum(int(one.kept.sum()) for one in outcome.streams)
     if outcome.trajectory is None:
         why = "; ".join(f"camera {name}: {said}" for name, said in outcome.left_out.items())
         text = f"No trajectory of the drive: {why or 'no camera has frames'}."
         size = (Size("frames with a pose", kept, "frames"),)
         yield Finding("error", text, SYSTEM, "no_drive", size)
-    else:
-        share = float(np.mean(outcome.supported))
-        frames = sum(map(len, outcome.streams))
-        text = (
-            f"{kept} of {frames} frames give a pose of the robot; {100 * share:.0f} % of the "
-            "trajectory has frames on both sides."
-        )
-        severity: Severity = "good" if share >= FEW_SUPPORTED else "warning"
-        size = (Size("share of the trajectory with frames on both sides", share),)
-        yield Finding(severity, text, SYSTEM, "drive_seen", size)
-    if outcome.trajectory is not None:
-        if outcome.without_odometry:
-            yield _without_odometry(outcome)
-        yield from _left_out(outcome, posed, with_odometry=drive.odometry is not None)
+        return
+    share = float(np.mean(outcome.supported))
+    frames = sum(map(len, outcome.streams))
+    text = (
+        f"{kept} of {frames} frames give a pose of the robot; {100 * share:.0f} % of the "
+        "trajectory has frames on both sides."
+    )
+    severity: Severity = "good" if share >= FEW_SUPPORTED else "warning"
+    size = (Size("share of the trajectory with frames on both sides", share),)
+    yield Finding(severity, text, SYSTEM, "drive_seen", size)
+    if outcome.without_odometry:
+        yield _without_odometry(outcome)
+    posed = {one.camera: int(one.posed.sum()) for one in outcome.streams}
+    yield from _left_out(outcome, posed, with_odometry=drive.odometry is not None)
+
+
+def _of_clocks(drive: CampaignDrive) -> Iterator[Finding]:
+    """Clocks that were stated, and those that jump."""
+    outcome = drive.outcome
     if outcome.assumed:
         text = (
             f"What cameras {', '.join(outcome.assumed)} saw does not tell their delays: their "
@@ -66,15 +83,10 @@ def drive_findings(drive: CampaignDrive) -> Iterator[Finding]:
         yield Finding("note", text, SYSTEM, "one_clock")
     for clock in outcome.clocks.values():
         yield from jump_findings(clock)
-        if clock.jumps and drive.odometry is None and len(outcome.clocks) == 1:
+        if clock.jumps and outcome.reference and len(outcome.clocks) == 1:
             text = "Two cameras do not tell whose clock jumped: it may be that of the other one."
             size = (Size("jumps of the clock", len(clock.jumps)),)
             yield Finding("note", text, clock.source, "jump_of_either", size)
-    for one in outcome.streams:
-        yield from _of_camera(one, drive.unread.get(one.camera, 0))
-    for name in drive.strangers:
-        text = f"The frames of camera {name} are not used: the network has no such camera."
-        yield Finding("warning", text, f"vision_{name}", "unknown_camera")
 
 
 def _without_odometry(outcome: DriveOutcome) -> Finding:
@@ -122,6 +134,17 @@ def _of_camera(stream: Stream, unread: int) -> Iterator[Finding]:
     if unread:
         text = f"{unread} of {len(stream)} frames could not be read, and are left out."
         yield Finding("warning", text, subject, "frames_unread", (Size("frames", unread),))
+
+
+def _repeated(camera: str, count: int) -> Finding:
+    """Frames that were written more than once."""
+    text = (
+        f"{count} frames are copies of an earlier one, byte for byte, with a later time: each "
+        "counts once, at the first of its times. See why the recorder writes frames twice; the "
+        "times of the others may be late as well."
+    )
+    size = (Size("copies", count, "frames"),)
+    return Finding("warning", text, f"vision_{camera}", "frames_repeated", size)
 
 
 def drive_table(drive: CampaignDrive) -> Table:
@@ -253,6 +276,7 @@ def drive_facts(drive: CampaignDrive) -> dict[str, object]:
     return {
         "frames": {one.camera: len(one) for one in outcome.streams},
         "kept": {one.camera: int(one.kept.sum()) for one in outcome.streams},
+        "repeated": dict(drive.repeated),
         "spurious": {one.camera: one.count("spurious") for one in outcome.streams},
         "clock_unknown": {one.camera: one.count("clock unknown") for one in outcome.streams},
         "left_out": dict(outcome.left_out),
