@@ -3,14 +3,18 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from validation.campaign.folder import Campaign
 from validation.errors import InputError, Problem
 from validation.pieces.store import FOLDER
+from validation.poses.angles import Array
 from validation.poses.trajectory import Clock, Trajectory
 from validation.systems import Progress, no_progress
 from validation.trajectories.formats import read_trajectory
 from vision_gt.campaign.outcome import VisionOutcome
 from vision_gt.drive_campaign.detecting import ALL, frames_seen
+from vision_gt.drive_campaign.exchanged import Exchange, Views, exchanges
 from vision_gt.drive_campaign.frames import CameraFrames, drive_frames, each_once
 from vision_gt.driving.drive import DriveOutcome, solve_drive
 from vision_gt.driving.stream import Stream, camera_stream
@@ -44,6 +48,8 @@ class CampaignDrive:
         Cameras with frames that the network does not have.
     repeated : mapping of str to int
         Frames of a camera that are copies of earlier ones, and count once.
+    exchanged : tuple of Exchange
+        Cameras that have the frames of each other.
     """
 
     outcome: DriveOutcome
@@ -51,6 +57,7 @@ class CampaignDrive:
     unread: Mapping[str, int]
     strangers: tuple[str, ...]
     repeated: Mapping[str, int] = field(default_factory=dict)
+    exchanged: tuple[Exchange, ...] = ()
 
 
 def check_frames(campaign: Campaign) -> None:
@@ -105,6 +112,7 @@ def solve_campaign_drive(
     odometry = _odometry(campaign, settings.odometry)
     unread: dict[str, int] = {}
     streams: list[Stream] = []
+    seen: dict[str, Views] = {}
     total, done = sum(map(len, frames)), 0
     for one in frames:
         start, share = done / total, len(one) / total
@@ -112,24 +120,30 @@ def solve_campaign_drive(
         def report(part: float, start: float = start, share: float = share) -> None:
             progress("looking for the robot", 0.9 * (start + share * part))
 
-        streams.append(_stream(campaign, vision, one, unread, workers, report))
+        seen[one.camera] = _seen(campaign, vision, one, unread, workers, report)
+        streams.append(_stream(vision, one.camera, one.times, seen[one.camera], one.epoch))
         done += len(one)
     progress("clocks and trajectory", 0.9)
     outcome = solve_drive(streams, odometry, window=settings.window, one_clock=settings.one_clock)
     strangers = tuple(one.camera for one in every if one.camera not in names)
     repeated = {one.camera: one.repeated for one in frames}
-    return CampaignDrive(outcome, odometry, unread, strangers, repeated)
+
+    def pose(camera: str, views: Views) -> Stream:
+        return _stream(vision, camera, np.arange(float(len(views))), views)
+
+    exchanged = exchanges(streams, seen, pose)
+    return CampaignDrive(outcome, odometry, unread, strangers, repeated, exchanged)
 
 
-def _stream(
+def _seen(
     campaign: Campaign,
     vision: VisionOutcome,
     frames: CameraFrames,
     unread: dict[str, int],
     workers: int | None,
     report: Report,
-) -> Stream:
-    """Poses from the frames of a camera."""
+) -> Views:
+    """The markers of each frame of a camera."""
     settings, network = vision.settings, vision.network.network
     camera = network.cameras[network.index(frames.camera)]
     markers = settings.markers
@@ -144,14 +158,22 @@ def _stream(
     if len(bad) == len(found):
         raise InputError([Problem(one.path, one.fault) for one in bad[:MOST_TOLD]])
     unread[frames.camera] = len(bad)
+    return [one.markers.views for one in found]
+
+
+def _stream(
+    vision: VisionOutcome, camera: str, times: Array, seen: Views, epoch: int = 0
+) -> Stream:
+    """Poses from the frames of a camera."""
+    settings = vision.settings
     return camera_stream(
-        frames.camera,
-        frames.times,
-        [one.markers.views for one in found],
-        network,
+        camera,
+        times,
+        seen,
+        vision.network.network,
         vision.layout.layout,
         Floor(settings.floor.height, settings.floor.tilt),
-        epoch=frames.epoch,
+        epoch=epoch,
         clock=Clock(settings.drive.stamps),
         on_floor=settings.drive.on_floor,
     )

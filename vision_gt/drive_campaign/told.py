@@ -10,6 +10,7 @@ from validation.text_files.csv_text import csv_text
 from validation.trajectories.clock.tables import jump_findings
 from validation.trajectories.correlation_telling import correlation_section
 from validation.trajectories.formats import trajectory_text
+from vision_gt.drive_campaign.exchanged import Exchange, many_off, off_the_floor
 from vision_gt.drive_campaign.solve import CampaignDrive
 from vision_gt.driving.drive import SYSTEM, DriveOutcome
 from vision_gt.driving.stream import FEWEST, Stream, Verdict
@@ -35,10 +36,15 @@ TEXT = (
 
 def drive_findings(drive: CampaignDrive) -> Iterator[Finding]:
     """Findings, the most important first."""
+    for pair in drive.exchanged:
+        yield _exchanged(pair)
     yield from _of_trajectory(drive)
     yield from _of_clocks(drive)
+    named = {name for pair in drive.exchanged for name in pair.cameras}
     for one in drive.outcome.streams:
         yield from _of_camera(one, drive.unread.get(one.camera, 0))
+        if many_off(one) and one.camera not in named:
+            yield _off_the_floor(one)
         if drive.repeated.get(one.camera):
             yield _repeated(one.camera, drive.repeated[one.camera])
     for name in drive.strangers:
@@ -134,6 +140,31 @@ def _of_camera(stream: Stream, unread: int) -> Iterator[Finding]:
     if unread:
         text = f"{unread} of {len(stream)} frames could not be read, and are left out."
         yield Finding("warning", text, subject, "frames_unread", (Size("frames", unread),))
+
+
+def _exchanged(pair: Exchange) -> Finding:
+    """Two cameras that have each other's frames."""
+    (one, other), (first, second), (good, better) = pair.cameras, pair.tried, pair.agree
+    text = (
+        f"The frames of cameras {one} and {other} are exchanged: of frames that have the robot off "
+        f"the floor, {good} of {first} have it on the floor with the place and lens of camera "
+        f"{other}, and {better} of {second} with those of camera {one}. Exchange the two folders, "
+        "or videos, of the drive."
+    )
+    size = (Size("frames that agree with the other camera", good + better, "frames"),)
+    return Finding("error", text, SYSTEM, "drive_exchanged", size)
+
+
+def _off_the_floor(stream: Stream) -> Finding:
+    """A camera that is not where the network has it."""
+    off, posed = off_the_floor(stream)
+    text = (
+        f"{off} of {posed} poses have the robot off the floor. Look for a camera that moved since "
+        "the network was calibrated, frames of another camera, or a [vision.floor] that is more "
+        "even than the floor."
+    )
+    size = (Size("share of poses off the floor", off / posed),)
+    return Finding("warning", text, f"vision_{stream.camera}", "many_off_the_floor", size)
 
 
 def _repeated(camera: str, count: int) -> Finding:
