@@ -17,6 +17,7 @@ from vision_gt.drive_campaign.detecting import ALL, frames_seen
 from vision_gt.drive_campaign.exchanged import Exchange, Views, exchanges
 from vision_gt.drive_campaign.frames import CameraFrames, drive_frames, each_once
 from vision_gt.driving.drive import DriveOutcome, solve_drive
+from vision_gt.driving.set_back import SetBack, set_back
 from vision_gt.driving.stream import Stream, camera_stream
 from vision_gt.images.jobs import MarkerJob
 from vision_gt.images.kept import KeptDetections
@@ -50,6 +51,8 @@ class CampaignDrive:
         Frames of a camera that are copies of earlier ones, and count once.
     exchanged : tuple of Exchange
         Cameras that have the frames of each other.
+    set_back : mapping of str to SetBack
+        Clocks that were set back, by camera.
     """
 
     outcome: DriveOutcome
@@ -58,6 +61,7 @@ class CampaignDrive:
     strangers: tuple[str, ...]
     repeated: Mapping[str, int] = field(default_factory=dict)
     exchanged: tuple[Exchange, ...] = ()
+    set_back: Mapping[str, SetBack] = field(default_factory=dict)
 
 
 def check_frames(campaign: Campaign) -> None:
@@ -132,7 +136,20 @@ def solve_campaign_drive(
         return _stream(vision, camera, np.arange(float(len(views))), views)
 
     exchanged = exchanges(streams, seen, pose)
-    return CampaignDrive(outcome, odometry, unread, strangers, repeated, exchanged)
+    back = _set_back(outcome, settings.window)
+    return CampaignDrive(outcome, odometry, unread, strangers, repeated, exchanged, back)
+
+
+def _set_back(outcome: DriveOutcome, window: float) -> dict[str, SetBack]:
+    """Clocks of cameras that were set back."""
+    if outcome.trajectory is None:
+        return {}
+    found = {
+        one.camera: set_back(one, outcome.clocks[one.camera], outcome.trajectory, window)
+        for one in outcome.streams
+        if one.camera in outcome.clocks and one.camera not in outcome.left_out
+    }
+    return {name: back for name, back in found.items() if back is not None}
 
 
 def _seen(

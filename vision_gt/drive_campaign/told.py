@@ -13,6 +13,7 @@ from validation.trajectories.formats import trajectory_text
 from vision_gt.drive_campaign.exchanged import Exchange, many_off, off_the_floor
 from vision_gt.drive_campaign.solve import CampaignDrive
 from vision_gt.driving.drive import SYSTEM, DriveOutcome
+from vision_gt.driving.set_back import SetBack
 from vision_gt.driving.stream import FEWEST, Stream, Verdict
 
 FEW_SUPPORTED = 0.95
@@ -42,7 +43,7 @@ def drive_findings(drive: CampaignDrive) -> Iterator[Finding]:
     yield from _of_clocks(drive)
     named = {name for pair in drive.exchanged for name in pair.cameras}
     for one in drive.outcome.streams:
-        yield from _of_camera(one, drive.unread.get(one.camera, 0))
+        yield from _of_camera(one, drive.unread.get(one.camera, 0), drive.set_back.get(one.camera))
         if many_off(one) and one.camera not in named:
             yield _off_the_floor(one)
         if drive.repeated.get(one.camera):
@@ -126,11 +127,21 @@ def _left_out(
         yield Finding("warning", text, f"vision_{name}", "camera_left_out", size)
 
 
-def _of_camera(stream: Stream, unread: int) -> Iterator[Finding]:
+def _of_camera(stream: Stream, unread: int, back: SetBack | None) -> Iterator[Finding]:
     """What is odd about the frames of a camera."""
     subject = f"vision_{stream.camera}"
     spurious, posed = stream.count("spurious"), int(stream.posed.sum()) + stream.count("spurious")
-    if posed and spurious > MANY_SPURIOUS * posed:
+    if back is not None:
+        at = f"{back.stamp + back.epoch:.2f}"
+        text = (
+            f"Its clock was set back by {back.size:.2f} s, when its stamps were at {at}: "
+            f"{back.poses} of {spurious} poses that the others contradict agree with them by "
+            f"stamps {back.size:.2f} s apart. Stamps of {back.size:.2f} s come twice, and of one "
+            "part the poses are lost. Add that to the times of all frames that were recorded later."
+        )
+        size = (Size("clock set back by", back.size, "s"),)
+        yield Finding("warning", text, subject, "clock_set_back", size)
+    elif posed and spurious > MANY_SPURIOUS * posed:
         text = (
             f"{spurious} of {posed} poses are contradicted by those before and after. Look for "
             "wrong markers, a camera that moved, or wrong times."
