@@ -1,6 +1,6 @@
 """What a person should read about a drive that cameras saw: findings, facts, tables, files."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from types import ModuleType
 
 import numpy as np
@@ -74,8 +74,7 @@ def _of_trajectory(drive: CampaignDrive) -> Iterator[Finding]:
     yield Finding(severity, text, SYSTEM, "drive_seen", size)
     if outcome.without_odometry:
         yield _without_odometry(outcome)
-    posed = {one.camera: int(one.posed.sum()) for one in outcome.streams}
-    yield from _left_out(outcome, posed, with_odometry=drive.odometry is not None)
+    yield from _left_out(drive)
 
 
 def _of_clocks(drive: CampaignDrive) -> Iterator[Finding]:
@@ -109,18 +108,21 @@ def _without_odometry(outcome: DriveOutcome) -> Finding:
     return Finding("warning", text, SYSTEM, "odometry_unused", size)
 
 
-def _left_out(
-    outcome: DriveOutcome, posed: Mapping[str, int], *, with_odometry: bool
-) -> Iterator[Finding]:
+def _left_out(drive: CampaignDrive) -> Iterator[Finding]:
     """Cameras that are not in the trajectory, with the number of their poses."""
+    outcome, stated = drive.outcome, drive.odometry is not None
+    posed = {one.camera: int(one.posed.sum()) for one in outcome.streams}
+    named = {name for pair in drive.exchanged for name in pair.cameras}
     for name, said in outcome.left_out.items():
+        if name in named:
+            continue
         text, count = f"Camera {name} is not in the trajectory: {said}.", posed.get(name, 0)
         if name not in outcome.clocks:
             text += f" {count} of its frames have one, and {FEWEST} are the fewest."
         elif count:
             text += (
                 f" Its {count} poses are kept, on its own clock ('clock unknown'). State "
-                f"[vision.drive] {'' if with_odometry else 'odometry; or '}one_clock = true, if "
+                f"[vision.drive] {'' if stated else 'odometry; or '}one_clock = true, if "
                 "its stamps are of one clock with those of the others."
             )
         size = (Size("frames with a pose", count, "frames"),)
