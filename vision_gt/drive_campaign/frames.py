@@ -1,6 +1,7 @@
 """Frames of a drive: one folder of images a camera, named by time, or a video with its times."""
 
-from dataclasses import dataclass
+import filecmp
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,8 @@ class CameraFrames:
         One image a frame, in the order of time; empty for a video.
     video : Path, optional
         All frames, in the order of time.
+    repeated : int
+        Images left out as copies of earlier ones, see `each_once`.
     """
 
     camera: str
@@ -38,6 +41,7 @@ class CameraFrames:
     epoch: int
     paths: tuple[Path, ...] = ()
     video: Path | None = None
+    repeated: int = 0
 
     def __len__(self) -> int:
         return len(self.times)
@@ -79,6 +83,27 @@ def drive_frames(
     if problems:
         raise InputError(problems)
     return found
+
+
+def each_once(frames: CameraFrames) -> CameraFrames:
+    """The frames without copies, byte for byte, of the one of the same size before.
+
+    A sensor never gives the same noise twice: a copy is the same exposure, written again by a
+    driver whose next frame was late. It counts once, at the first of its times.
+    """
+    last: dict[int, Path] = {}
+    kept = []
+    for row, path in enumerate(frames.paths):
+        size = path.stat().st_size
+        before = last.setdefault(size, path)
+        if before is path or not filecmp.cmp(before, path, shallow=False):
+            kept.append(row)
+            last[size] = path
+    if len(kept) == len(frames.paths):
+        return frames
+    paths = tuple(frames.paths[row] for row in kept)
+    repeated = len(frames.paths) - len(kept)
+    return replace(frames, times=frames.times[kept], paths=paths, repeated=repeated)
 
 
 def _of_images(camera: str, folder: Path, unit: str | None, left_out: LeftOut) -> CameraFrames:

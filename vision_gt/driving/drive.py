@@ -45,6 +45,11 @@ class DriveOutcome(Shown):
         Whether frames stand on both sides of a pose.
     findings : tuple of Finding
         Of the fusion.
+    without_odometry : str
+        Why the odometry has no part in the trajectory: why it tells no camera's delay. Empty where
+        it has a part, or there is none.
+    reference : str
+        The camera whose clock that of the trajectory is; empty where it is that of the odometry.
     """
 
     streams: tuple[Stream, ...]
@@ -54,6 +59,8 @@ class DriveOutcome(Shown):
     trajectory: Trajectory | None = None
     supported: Mask = field(default_factory=lambda: np.zeros(0, dtype=bool))
     findings: tuple[Finding, ...] = ()
+    without_odometry: str = ""
+    reference: str = ""
 
 
 @kept_result("progress")
@@ -84,8 +91,10 @@ def solve_drive(
     Notes
     -----
     What the odometry does not tell, and all where there is none, is told by cameras that see the
-    robot at the same time, from one to the next. A camera whose delay is not told has no place in
-    the trajectory: its poses contradict nothing, and are 'clock unknown'.
+    robot at the same time, from one to the next. Odometry that tells the delay of no camera at all
+    (the robot drove straight at one speed) cannot be fused, as nothing says which of its samples
+    are of the time of a frame: the trajectory is then that of the cameras. A camera whose delay is
+    not told has no place in the trajectory: its poses contradict nothing, and are 'clock unknown'.
 
     Frames are fused by the noise that each has of its own. What cameras, lenses and markers are off
     by does not get less by many frames; how much each of these errors moves each fused pose follows
@@ -99,7 +108,8 @@ def solve_drive(
     }
     if not seen:
         return DriveOutcome(tuple(judged.values()), left_out=left_out)
-    clocks, reference = _clocks(streams, seen, odometry, window, progress)
+    clocks, reference, without = _clocks(streams, seen, odometry, window, progress)
+    odometry = None if without else odometry
     known = {name: clock for name, clock in clocks.items() if clock.verdict == "determined"}
     untold = [name for name in seen if name not in known and name != reference]
     assumed: tuple[str, ...] = ()
@@ -113,7 +123,9 @@ def solve_drive(
         judged[name] = judged[name].judged(np.ones(len(seen[name]), dtype=bool), "clock unknown")
     used = [name for name in seen if name not in left_out]
     if not used:
-        return DriveOutcome(tuple(judged.values()), clocks, assumed, left_out)
+        return DriveOutcome(
+            *(tuple(judged.values()), clocks, assumed, left_out), without_odometry=without
+        )
     progress("fusing the cameras", 0.8)
     parts = [part for name in used for part in _pieces(judged[name], known.get(name))]
     sources = [_source(part, clock) for part, clock in parts]
@@ -132,6 +144,8 @@ def solve_drive(
     return DriveOutcome(
         *(tuple(judged.values()), clocks, assumed, left_out),
         *(trajectory, fused.supported, fused.findings),
+        without_odometry=without,
+        reference=reference or "",
     )
 
 
@@ -141,27 +155,30 @@ def _clocks(
     odometry: Trajectory | None,
     window: float,
     progress: Callable[[str, float], None],
-) -> tuple[dict[str, ClockEstimate], str | None]:
-    """The clock of each camera, and without odometry the camera whose clock it is."""
+) -> tuple[dict[str, ClockEstimate], str | None, str]:
+    """The clock of each camera; without odometry that camera whose clock it is; why without."""
     clocks: dict[str, ClockEstimate] = {}
+    without, reference = "", None
     if odometry is not None:
         told = sync(odometry, list(seen.values()), window=window, progress=progress)
         clocks = {name: told[trajectory.system] for name, trajectory in seen.items()}
+        without = "; ".join(dict.fromkeys(_why(one).partition(":")[0] for one in clocks.values()))
         told_of = {n: c for n, c in clocks.items() if c.verdict == "determined"}
         known = {n: Clock.of(c) for n, c in told_of.items() if not c.jumps}
-        if not known or len(told_of) == len(clocks):
-            return clocks, None
+        if told_of and (not known or len(told_of) == len(clocks)):
+            return clocks, None, ""
+    if odometry is not None and told_of:
         steady = [one for one in streams if one.camera in known or one.camera not in told_of]
-        links, reference = Links(steady, odometry.epoch, window), None
+        links, without = Links(steady, odometry.epoch, window), ""
     else:
         progress("clocks of the cameras", 0.5)
-        links = Links(streams, next(iter(seen.values())).epoch, window)
+        links, clocks = Links(streams, next(iter(seen.values())).epoch, window), {}
         reference = links.reference()
         known = {reference: links.own((reference, 0))}
     for name, clock in links.estimates(known).items():
         if clock.verdict == "determined" or name not in clocks:
             clocks[name] = clock
-    return clocks, reference
+    return clocks, reference, without
 
 
 def _why(clock: ClockEstimate) -> str:

@@ -1,6 +1,7 @@
 """Frames of a drive in files: times by names, videos, what is kept, what is refused."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import cv2
@@ -10,7 +11,8 @@ from vision_scenes import APRIL, camera, marker_image, random_marker
 
 from validation.errors import InputError
 from vision_gt.drive_campaign.detecting import frames_seen
-from vision_gt.drive_campaign.frames import drive_frames
+from vision_gt.drive_campaign.frames import drive_frames, each_once
+from vision_gt.drive_campaign.solve import other_count
 from vision_gt.images import kept as images_kept
 from vision_gt.images.files import drive_cameras
 from vision_gt.images.jobs import MarkerJob
@@ -21,7 +23,7 @@ JOB = MarkerJob(None, APRIL, (5,), camera(), fitted=False)
 
 def images(folder, names, seed=0):
     """Photographs of marker 5 under some names."""
-    folder.mkdir(parents=True)
+    folder.mkdir(parents=True, exist_ok=True)
     for name in names:
         rng = np.random.default_rng(seed)
         image, _ = marker_image(rng, random_marker(rng, 2.0), 5)
@@ -86,6 +88,33 @@ def test_a_video_has_its_times_in_a_table(tmp_path):
     again = frames_seen(frames, JOB, KeptDetections(tmp_path / "kept.jsonl"))
     for one, other in zip(found, again, strict=True):
         np.testing.assert_array_equal(one.markers.views[0].corners, other.markers.views[0].corners)
+
+
+def test_a_frame_that_was_written_twice_counts_once_at_its_first_time(tmp_path):
+    first, again, other = (f"170000000{k}.0.png" for k in range(3))
+    images(tmp_path / "1", [first])
+    shutil.copy(tmp_path / "1" / first, tmp_path / "1" / again)
+    images(tmp_path / "1", [other], seed=3)
+    # An image of the same size on disk, with other bytes, is another frame.
+    changed = bytearray((tmp_path / "1" / first).read_bytes())
+    changed[-1] ^= 1
+    (tmp_path / "1" / "1700000003.0.png").write_bytes(changed)
+    (frames,) = drive_frames(tmp_path)
+    once = each_once(frames)
+    assert len(frames) == 4
+    assert [path.name for path in once.paths] == [first, other, "1700000003.0.png"]
+    np.testing.assert_array_equal(once.times, [0.0, 2.0, 3.0])
+    assert once.repeated == 1
+    assert each_once(once) is once
+
+
+def test_a_video_with_other_frames_than_times_is_told_with_both_numbers(tmp_path):
+    video(tmp_path / "4.avi", [1700000000.0, 1700000000.1, 1700000000.2])
+    (tmp_path / "4.csv").write_text("time\n1700000000.0\n1700000000.1\n")
+    (frames,) = drive_frames(tmp_path)
+    told = other_count(frames)
+    assert told.file.name == "4.csv"
+    assert told.expected.startswith("2 times, but 4.avi has 3 frames")
 
 
 def test_a_video_without_times_is_refused(tmp_path):

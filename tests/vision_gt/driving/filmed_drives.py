@@ -46,6 +46,28 @@ class Filmed:
         return off, inside
 
 
+def leap(solved):
+    """Largest ratio of the standard deviations of two neighbouring poses of a fused drive.
+
+    Of poses 60 ms apart at most, while the same cameras see the robot: have kept frames within
+    0.15 s, one and a half periods, on the common time.
+    """
+    told = solved.trajectory
+    near = []
+    for stream in solved.streams:
+        clock = solved.clocks.get(stream.camera)
+        if clock is None or not stream.kept.any():
+            continue
+        at = stream.times[stream.kept] + clock.delay_s + stream.epoch - told.epoch
+        near.append(np.abs(told.times[:, None] - at).min(1) < 0.15)
+    near = np.array(near)
+    alike = (near[:, 1:] == near[:, :-1]).all(0) & near.any(0)[1:] & (np.diff(told.times) < 0.06)
+    alike &= solved.supported[1:] & solved.supported[:-1]
+    sigmas = np.sqrt(np.diagonal(told.covariances, axis1=1, axis2=2))
+    steps = np.abs(np.diff(np.log(sigmas), axis=0))[alike]
+    return float(np.exp(steps.max()))
+
+
 def true_and_known(rng, cameras):
     """The network as it is, as (place, lens) a camera, and as it is known."""
     sigmas = np.concatenate([np.full(3, PLACE), np.full(3, AIM), [LENS, LENS], np.full(7, 1e-9)])

@@ -1,11 +1,15 @@
 """Cameras without odometry: delays by what two see at the same time, from one to the next."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_streams import bends, standing, straight, stream
 
+from validation.poses.trajectory import Trajectory
 from vision_gt.driving.drive import solve_drive
 from vision_gt.driving.pair_delay import Seen, pair_delay
+from vision_gt.driving.set_back import set_back
 
 
 def told(first, second):
@@ -116,3 +120,51 @@ def test_a_clock_that_jumps_is_followed_and_said_without_odometry_too():
     for judged, (_, bad) in zip(outcome.streams, made, strict=True):
         assert not (judged.kept & bad).any()
         assert (~judged.kept & ~bad).sum() <= 2
+
+
+def test_odometry_of_a_straight_way_leaves_the_trajectory_of_the_cameras():
+    rng = np.random.default_rng(8)
+    late = (0.1, 0.3)
+    made = [stream(i, straight, (0.0, 16.0), late[i], rng, rate=10.0)[0] for i in (0, 1)]
+    times = np.arange(-2.0, 18.0, 0.02)
+    odometry = Trajectory("odometry", times, straight(times) - [3.0, 2.0, 0.0])
+    outcome = solve_drive(made, odometry)
+    assert outcome.without_odometry == "the robot drives straight at constant speed"
+    assert not outcome.left_out
+    ((name, clock),) = outcome.clocks.items()
+    own, other = late[int(outcome.reference) - 1], late[int(name) - 1]
+    assert abs(clock.delay_s - (own - other)) < clock.high_s - clock.low_s < 0.03
+    # On the stamps of the reference: late by as much as these are. The cameras' own shifts are of
+    # 1 mm, and the scatter of 3 mm is that of a frame.
+    told = outcome.trajectory
+    off = told.poses[outcome.supported] - straight(told.times[outcome.supported] - own)
+    assert np.sqrt((off[:, :2] ** 2).sum(1).mean()) < 0.004
+
+
+@pytest.mark.parametrize("seed", [11, 12])
+def test_a_clock_that_was_set_back_is_told_with_its_time_where_one_part_is_short(seed):
+    rng = np.random.default_rng(seed)
+    made = [
+        stream(i, bends, (0.0, 30.0), late, rng, of=3, rate=10.0)[0]
+        for i, late in enumerate((0.05, 0.1, 0.2))
+    ]
+    # The third sees the robot for four seconds before its clock is set back by two, at 14.2.
+    third = made[2].part((made[2].times < 2.5) | (made[2].times > 12.5))
+    stamps = np.where(third.times < 14.2, third.times, third.times - 2.0)
+    order = np.argsort(stamps)
+    made[2] = replace(
+        third, times=stamps[order], poses=third.poses[order], common=third.common[order]
+    )
+    times = np.arange(-1.0, 31.0, 0.02)
+    odometry = Trajectory("odometry", times, bends(times) - [1.0, 2.0, 0.0])
+    outcome = solve_drive(made, odometry)
+    assert not outcome.clocks["3"].jumps
+    found = {
+        one.camera: set_back(one, outcome.clocks[one.camera], outcome.trajectory, 5.0)
+        for one in outcome.streams
+    }
+    assert found["1"] is found["2"] is None
+    # Poses of 3 mm at 0.3 m/s tell 10 ms each, forty of them 2 ms; stamps scatter by 3 ms.
+    assert abs(found["3"].size - 2.0) < 0.006
+    # The last frame before it that is contradicted is at most a few periods earlier.
+    assert -0.5 < found["3"].stamp - 14.2 < 0.02

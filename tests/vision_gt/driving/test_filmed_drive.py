@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
-from filmed_drives import filmed
+from filmed_drives import filmed, leap
 
 from vision_gt.driving.drive import SYSTEM, solve_drive
 
 LIMITS = (0.005, 0.004)
 """Metres and radians that a fused trajectory may be off by, root mean square."""
+LEAP = 1.1
+"""Ratio of the standard deviations of two poses next to each other. In the 60 ms between them a
+robot moves and turns by 0.06 m and rad at most, which changes how an error moves its pose by as
+much; the rest is for a camera whose frames come and go."""
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +60,17 @@ def test_the_covariance_keeps_what_all_frames_share(solved):
     assert fused > shared / np.sqrt(2)
 
 
+@pytest.mark.parametrize("noise", [0.2, 0.02])
+def test_covariances_of_neighbours_are_alike_and_none_is_less_than_what_is_shared(noise):
+    one = filmed(4, 25.0, cameras=2, middle=True, noise=noise)
+    solved = solve_drive(one.streams, one.odometry)
+    assert leap(solved) < LEAP
+    told = solved.trajectory.covariances[solved.supported]
+    shared = np.concatenate([stream.shared[stream.kept] for stream in solved.streams])
+    # In any direction: the least that the frames share, of two cameras of their own.
+    assert np.linalg.eigvalsh(told)[:, 0].min() > np.linalg.eigvalsh(shared)[:, 0].min() / 2
+
+
 def test_without_odometry_cameras_that_see_the_same_turns_tell_their_delays(two_cameras):
     outcome = solve_drive(two_cameras.streams)
     ((name, clock),) = outcome.clocks.items()
@@ -84,7 +99,7 @@ def test_a_camera_without_frames_is_named(two_cameras):
 
 @pytest.mark.full
 def test_delays_and_covariances_hold_over_many_drives():
-    held, missed_5_ms, scores, rms = [], 0, [], []
+    held, missed_5_ms, scores, rms, leaps = [], 0, [], [], []
     for seed in range(20):
         one = filmed(seed, 120.0)
         solved = solve_drive(one.streams, one.odometry)
@@ -97,6 +112,8 @@ def test_delays_and_covariances_hold_over_many_drives():
         inverse = np.linalg.inv(solved.trajectory.covariances[some])
         scores.append(np.einsum("ni,nij,nj->n", off[some], inverse, off[some]).mean())
         rms.append(np.sqrt(np.square(off[some, :2]).sum(1).mean()))
+        leaps.append(leap(solved))
+    assert max(leaps) < LEAP
     assert len(held) >= 60
     assert np.mean(held) >= 0.88
     assert missed_5_ms <= 0.05 * len(held)

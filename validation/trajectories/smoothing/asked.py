@@ -1,15 +1,36 @@
 """The smoothed trajectory at times asked for, with covariances."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from validation.poses.angles import Array, wrap
 from validation.trajectories.smoothing.equations import Solved
 from validation.trajectories.smoothing.geometry import advance, difference
 from validation.trajectories.smoothing.prior import in_between
-from validation.trajectories.smoothing.problem import Problem, Rows, State
+from validation.trajectories.smoothing.problem import Problem, Rows, State, frame_columns
 
 ERRORS_AT_ONCE = 8
 """Shared errors that are followed at once: of an hour of four cameras that is 60 MB."""
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """The frames as a solution took them; the least other weights or rates fit it no longer.
+
+    Parameters
+    ----------
+    weights : (f, m, m) array
+        Inverse covariances of the frames, with the weights of outliers.
+    offset : (f,) array
+        Seconds from the knots to the frames.
+    along : (f, m) array
+        Rates at the frames.
+    """
+
+    weights: Array
+    offset: Array
+    along: Array
 
 
 def at_times(
@@ -60,7 +81,7 @@ def at_times(
 
 
 def shared_covariances(
-    problem: Problem, solved: Solved, seen: tuple[Array, Array], common: Array, times: Array
+    problem: Problem, solved: Solved, seen: Weighed, common: Array, times: Array
 ) -> Array:
     """What errors that all frames share add (q, m, m) to the covariances at sorted times (q,).
 
@@ -68,18 +89,24 @@ def shared_covariances(
     ----------
     problem, solved
         As for `at_times`.
-    seen : two arrays
-        Inverse covariances (f, m, m) of the frames, with their weights, and seconds (f,) from their
-        knots to them.
+    seen : Weighed
+        The frames as they were for `solved`.
     common : (f, m, u) array
         Change of each frame's pose by each of u independent errors of variance one.
 
     Notes
     -----
-    How the solution changes with each error is the solution for what the error adds to the frames.
+    How the solution changes with each error is the solution for what the error adds to the frames,
+    the shared unknowns (delays, scales of odometry) moving as they would. It is right only with the
+    very weights of the solution: where jitter along the motion is most of a frame's noise, its
+    inverse covariance is so stiff across the motion that a change of the rates by a thousandth
+    made an error common to all frames move single poses by up to 70 times of it, or not at all.
     """
     n, m = len(problem.times), problem.m
-    W, offset = seen
+    W, offset = seen.weights, seen.offset
+    unknowns = solved.shared_covariance.shape[0]
+    slopes = solved.slopes.reshape(n * 2 * m, -1)
+    columns = frame_columns(problem, seen.along, slice(None)) if unknowns else None
     knot = problem.frames.knot
     starts = np.flatnonzero(np.diff(knot, prepend=-1))
     left = np.clip(np.searchsorted(problem.times, times, side="right") - 1, 0, max(n - 2, 0))
@@ -91,7 +118,12 @@ def shared_covariances(
         both = np.concatenate([pushed, offset[:, None, None] * pushed], axis=1)
         right = np.zeros((n, 2 * m, pushed.shape[2]))
         right[knot[starts]] = np.add.reduceat(both, starts)
-        moved = solved.factor.solve(right.reshape(n * 2 * m, -1)).reshape(n, 2, m, -1)
+        moved = solved.factor.solve(right.reshape(n * 2 * m, -1))
+        if columns is not None:
+            asked = slopes.T @ right.reshape(n * 2 * m, -1)
+            asked -= np.einsum("fms,fmk->sk", columns, pushed)
+            moved += slopes @ (solved.shared_covariance @ asked)
+        moved = moved.reshape(n, 2, m, -1)
         ends = np.concatenate([moved[left], moved[left + 1]], axis=1)
         at = np.einsum("qa,qaik->qik", weights, ends)
         found += at @ np.swapaxes(at, 1, 2)

@@ -158,7 +158,7 @@ def _add_frames(
     W, e, tau = weights.frames[rows], found.frames[rows], found.offset[rows, None]
     columns = e[..., None]
     if s:
-        G = frame_columns(problem, found, rows)
+        G = frame_columns(problem, found.along, rows)
         columns = np.concatenate([columns, G], axis=2)
         WG = W @ G
         corner[:, 0] -= np.einsum("fms,fm->s", WG, e)

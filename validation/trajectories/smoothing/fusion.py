@@ -10,7 +10,7 @@ import numpy.typing as npt
 from validation.poses.angles import Array
 from validation.poses.trajectory import Clock, Trajectory
 from validation.results import Finding, Size
-from validation.trajectories.smoothing.asked import at_times, shared_covariances
+from validation.trajectories.smoothing.asked import Weighed, at_times, shared_covariances
 from validation.trajectories.smoothing.equations import Solved, solve
 from validation.trajectories.smoothing.frames import frame_findings
 from validation.trajectories.smoothing.gathering import (
@@ -138,25 +138,27 @@ def fuse(
     _learn(work, names, rounds=1)
     _pass(work, marginals=True)
     work.noise = grown_by_neighbours(work.problem, work.state, work.noise, work.trusted > 0.5)
-    solved = _pass(work, marginals=False, keep=True)
+    solved, seen = _step(work)
     told = _told(sources, stamps, work, solved, times)
     if common is None:
         return told
-    return replace(told, shared=_shared(work, solved, common, told.trajectory.times))
+    return replace(told, shared=_shared(work.problem, solved, seen, common, told.trajectory.times))
 
 
 def _shared(
-    work: _Work, solved: Solved, common: Sequence[npt.NDArray[np.floating[Any]]], times: Array
+    problem: Problem,
+    solved: Solved,
+    seen: Weighed,
+    common: Sequence[npt.NDArray[np.floating[Any]]],
+    times: Array,
 ) -> Array:
     """What errors that all sources share add to the covariances."""
-    problem, frames = work.problem, work.problem.frames
-    found = residuals(problem, work.state)
-    weights = weights_of(problem, found, work.noise, work.trusted).frames
+    frames = problem.frames
     each = np.empty((len(frames.row), *common[0].shape[1:]), dtype=common[0].dtype)
     for number, own in enumerate(common):
         rows = frames.source == number
         each[rows] = own[frames.row[rows]]
-    return shared_covariances(problem, solved, (weights, found.offset), each, times)
+    return shared_covariances(problem, solved, seen, each, times)
 
 
 def _started(
@@ -242,9 +244,7 @@ def _apart(parts: list[tuple[int, int]]) -> list[tuple[int, int]]:
     return joined
 
 
-def _pass(
-    work: _Work, *, marginals: bool, hold: bool = False, retrust: bool = True, keep: bool = False
-) -> Solved:
+def _pass(work: _Work, *, marginals: bool, hold: bool = False, retrust: bool = True) -> None:
     """One step of Gauss and Newton, after which every frame is judged anew.
 
     Parameters
@@ -255,18 +255,20 @@ def _pass(
         Whether the shared unknowns stay.
     retrust : bool
         Whether frames are judged.
-    keep : bool
-        Whether this is the last pass: the solution is kept, and no frame judged.
     """
+    solved = _step(work, hold)[0]
+    if retrust:
+        _judge(work, solved if marginals else None)
+
+
+def _step(work: _Work, hold: bool = False) -> tuple[Solved, Weighed]:
+    """One step of Gauss and Newton, and the frames as it took them."""
     problem = work.problem
     found = residuals(problem, work.state)
     weights = weights_of(problem, found, work.noise, work.trusted)
     solved = solve(problem, found, weights, work.state.shared, hold)
-    del found, weights  # as large as what follows
     work.state = work.state.moved(problem.kind, solved.changes, solved.shared)
-    if retrust and not keep:
-        _judge(work, solved if marginals else None)
-    return solved
+    return solved, Weighed(weights.frames, found.offset, found.along)
 
 
 def _judge(work: _Work, solved: Solved | None) -> None:

@@ -280,10 +280,13 @@ def _named(problem: Problem, shared: Array, name: str) -> float:
     return float(found[0]) if found else 0.0
 
 
-def frame_columns(problem: Problem, found: Residuals, rows: slice) -> Array:
-    """(f, m, s) how residuals of some frames change with the shared unknowns."""
+def frame_columns(problem: Problem, along: Array, rows: slice) -> Array:
+    """(f, m, s) how residuals of some frames change with the shared unknowns.
+
+    ``along`` (all frames, m) are the rates at the frames.
+    """
     source, since = problem.frames.source[rows], problem.frames.since[rows]
-    along = found.along[rows]
+    along = along[rows]
     columns = np.zeros((len(source), problem.m, len(problem.shared_of)))
     for place, (what, number) in enumerate(problem.shared_of):
         own = source == number

@@ -157,3 +157,22 @@ def test_errors_that_sources_share_move_the_fused_poses_as_much_as_they_say():
     assert np.median(np.abs(change - np.sqrt(told.shared[:, 0, 0]))) < 0.05
     assert change.min() < 0.1
     assert change.max() > 0.9
+
+
+@pytest.mark.parametrize("jitter", [1e-4, 1e-3])
+@pytest.mark.parametrize("noise", [1e-6, 1e-4])
+def test_an_error_of_all_frames_is_that_of_each_fused_pose(jitter, noise):
+    # The noise of stamps is up to a thousand times that of the poses: frames are known across the
+    # way so much better than along it that any other weights than the solution's own show.
+    rng, sources = np.random.default_rng(0), []
+    for number in range(2):
+        times = 0.1 * np.arange(300) + 0.03 * number
+        at = times + rng.normal(0, jitter, len(times))
+        poses = np.column_stack([np.sin(at / 2), np.cos(at / 3), 0.8 * at + np.sin(0.9 * at)])
+        poses += rng.normal(0, noise, poses.shape)
+        sources.append(Source(Trajectory(str(number), times, poses, "plane"), 0.0, 0.001 * number))
+    common = [np.tile(np.eye(3), (300, 1, 1))] * 2
+    told = fuse(sources, common=common)
+    # Poses and prior keep their differences: each pose moves by the whole of each error. Of 16
+    # digits, weights that differ 1e8 times leave half.
+    np.testing.assert_allclose(told.shared, np.tile(np.eye(3), (600, 1, 1)), atol=1e-6)
