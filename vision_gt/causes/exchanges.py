@@ -112,8 +112,8 @@ def bar_exchanged(seen: Seen) -> Iterator[Exchanged]:
 
 
 def exchanges(seen: Seen) -> Iterator[Exchanged]:
-    """Cameras whose files or images may be exchanged, and images of stops that may."""
-    yield from (one for one in lenses_exchanged(seen) if one.kind == "camera_files_exchanged")
+    """Cameras whose lenses or images may be exchanged, and images of stops that may."""
+    yield from lenses_exchanged(seen)
     seeing = {one.camera for sightings in seen.stops.values() for one in sightings}
     pairs = list(combinations([name for name in seen.names if name in seeing], 2))
     for pair in pairs:
