@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from validation.results import TWO_SIDED, Finding, Severity, Size, listed_ids
+from validation.results import SPOILT, TWO_SIDED, Finding, Severity, Size, listed_ids
 from vision_gt.causes.diagnosis import Diagnosis
 from vision_gt.causes.effects import Effect, Moved, Scaled
 from vision_gt.causes.evidence import WALK
@@ -65,9 +65,17 @@ def cause_finding(diagnosis: Diagnosis) -> Finding | None:
     bad = exchanged or scaled or bool((diagnosis.harm > _ERROR).any())
     severity: Severity = "error" if bad and not diagnosis.against else "warning"
     if len(named) > 1:
-        return _one_of(diagnosis, named, severity)
+        return _with_harm(_one_of(diagnosis, named, severity), diagnosis)
     more = f"{_spoilt(diagnosis)}{_odds(diagnosis)}{_by_survey(diagnosis)}"
-    return _told(cause, severity, lambda what, do: f"{what} {more} {do}")
+    found = _told(cause, severity, lambda what, do: f"{what} {more} {do}")
+    return _with_harm(found, diagnosis)
+
+
+def _with_harm(found: Finding, diagnosis: Diagnosis) -> Finding:
+    """A finding with how many poses its cause spoils."""
+    if diagnosis.against or not (count := int((diagnosis.harm > _ERROR).sum())):
+        return found
+    return replace(found, sizes=(*found.sizes, Size(SPOILT, count, "poses")))
 
 
 def _told(cause: Cause, severity: Severity, joined: "Joined") -> Finding:
