@@ -57,7 +57,9 @@ def named(outcome: VisionOutcome) -> list[Finding]:
     return [
         one
         for one in found
-        if one.code in CAUSES or (one.code == "image" and WRONG_BOARD.search(one.text))
+        if one.code in CAUSES
+        or (one.code == "image" and WRONG_BOARD.search(one.text))
+        or (one.code == "part_missing" and "Probably" in one.text)
     ]
 
 

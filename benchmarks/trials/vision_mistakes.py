@@ -291,7 +291,8 @@ def off_height(reference: str, dima: str) -> Expected:
 def bar_swapped(case: Case) -> Expected:
     other = {"0": "30", "30": "0"}
     edit(case.folder, r"first_id = (\d+)", lambda m: f"first_id = {other[m[1]]}")
-    return Expected("exchanged", ("two boards of the bar",), error=True)
+    # Where cameras are linked by one way only, what the snapshots say keeps them apart.
+    return Expected("exchanged|part_missing", ("two boards of the bar",))
 
 
 def bar_and_marker_prints(case: Case) -> Expected:
