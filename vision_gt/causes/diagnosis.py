@@ -124,7 +124,7 @@ class Diagnosis:
         left = {best.what.effect, *(o.what.effect for o in self.ranking.rivals())}
         limit = _by_images(best) + RIVAL
         out = [o.what.effect for o in self.ranking.tried if _by_images(o) < limit]
-        same = (e for e in out if isinstance(e, Moved) and e.like(best.what.effect))
+        same = [e for e in out if isinstance(e, Moved) and e.like(best.what.effect)]
         return tuple(e for e in out if e not in {*left, *same, self.nothing.what.effect})
 
     @property
