@@ -81,6 +81,10 @@ class Size:
         return cls(of, value, unit, value - half, value + half, 0.95)
 
 
+SPOILT = "poses that it spoils"
+"""What a size is of where an error names a cause of wrong poses (`explain.telling.folded`)."""
+
+
 @dataclass(frozen=True)
 class Finding:
     """One sentence that a person should read.

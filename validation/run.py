@@ -7,6 +7,7 @@ from validation.campaign.folder import Campaign
 from validation.campaign.provenance import input_hashes, relative
 from validation.campaign.toml_files import line_of
 from validation.errors import FaultyResultError, GtvalError, InputError, Problem
+from validation.explain.telling.folded import folded
 from validation.explain.telling.section import ExplainParts, explain_campaign
 from validation.explain.telling.sizes import told_once
 from validation.in_time import TimeParts, time_parts
@@ -175,8 +176,9 @@ def run_campaign(
         failures.append(unexpected(IN_TIME, error))
     findings += in_time.findings if in_time is not None else ()
     statements = Statements()
+    told = explained.explanation if explained is not None else None
+    own = {table.system: one.result.findings for one in systems for table in one.result.tables}
     try:
-        told = explained.explanation if explained is not None else None
         statements = make_statements(campaign, evaluations, findings, told)
         comparison_files |= statements.files
     except GtvalError:
@@ -193,7 +195,7 @@ def run_campaign(
         campaign=campaign,
         systems=tuple(systems),
         evaluations=tuple(evaluations),
-        findings=tuple(findings),
+        findings=tuple(folded(findings, own, told)),
         inputs=inputs,
         method=method,
         explained=explained,

@@ -27,7 +27,10 @@ REFUSED = "refused"
 
 @dataclass(frozen=True)
 class Expected:
-    """What has to be said: a code, words of the text, and for a move among which stops it was."""
+    """What has to be said: a code, words of the text, and for a move among which stops it was.
+
+    Code and words are regular expressions.
+    """
 
     code: str
     words: tuple[str, ...]
@@ -267,6 +270,37 @@ def grain_of_one(case: Case) -> Expected:
     return Expected("corner_noise", ("camera 1",))
 
 
+def reference_height(case: Case) -> Expected:
+    edit(case.folder, r"(\[vision\.reference\][^\n]*\n)", r"\1height = 0.03" + "\n")
+    return off_height("lower", "higher")
+
+
+def dima_height(case: Case) -> Expected:
+    stated = behind(r"(dima_on_robot = \{ translation = \[[^,]*, [^,]*, )([-\d.]+)")
+    stated(case.folder, lambda z: f"{float(z) + 0.03:.6f}")
+    return off_height("higher", "lower")
+
+
+def off_height(reference: str, dima: str) -> Expected:
+    """That one of both heights is off by 30 mm: images do not tell which, and no pose moves."""
+    by = r"(2[789]|3[0123])\.\d mm"
+    either = f"reference pattern lies {by} {reference}|Marker .* sits {by} {dima}"
+    return Expected("reference_place|dima_place", (either,))
+
+
+def bar_swapped(case: Case) -> Expected:
+    other = {"0": "30", "30": "0"}
+    edit(case.folder, r"first_id = (\d+)", lambda m: f"first_id = {other[m[1]]}")
+    # Where cameras are linked by one way only, what the snapshots say keeps them apart.
+    return Expected("exchanged|part_missing", ("two boards of the bar",))
+
+
+def bar_and_marker_prints(case: Case) -> Expected:
+    bar_size(case.folder, times(1 / PRINTED))
+    marker_prints(case)
+    return Expected("print_size", ("bar's boards and the sides of all markers",), error=True)
+
+
 def bar_dictionary(case: Case) -> Expected:
     bar_family(case.folder, lambda _: '"5X5_100"')
     return Expected("image", ("4X4_.* where 5X5_100 was stated",), error=True)
@@ -313,6 +347,10 @@ MISTAKES: dict[str, Mistake] = {
         noise_of_one,
         noise_of_all,
         grain_of_one,
+        reference_height,
+        dima_height,
+        bar_swapped,
+        bar_and_marker_prints,
         bar_dictionary,
         bar_ids,
         bar_layout,

@@ -43,6 +43,20 @@ def bar_built(seen: Seen, off) -> Seen:
     return replace(seen, bar=replace(seen.bar, T_first_second=T))
 
 
+def reference_raised(seen: Seen, height: float) -> Seen:
+    """A reference pattern that was stated higher than it lies."""
+    lifted = RigidTransform.from_translation([0.0, 0.0, height])
+    T = lifted * seen.reference.T_gtv_body
+    return replace(seen, reference=replace(seen.reference, T_gtv_body=T))
+
+
+def dima_raised(seen: Seen, height: float) -> Seen:
+    """A dima-marker that was stated higher on the robot than it is."""
+    number, T, covariance = seen.dima
+    lifted = RigidTransform.from_translation([0.0, 0.0, height]) * T
+    return replace(seen, dima=(number, lifted, covariance))
+
+
 def lens_from_file(seen: Seen, name: str, share: float) -> Seen:
     """All lenses from files, exact but for one focal length."""
     cameras = []

@@ -78,6 +78,21 @@ def parameter(
     return Parameter(name, unit, value, sigma, low, high, p_value, cost)
 
 
+def scattered(chi_squared: float, freedom: int) -> float:
+    """A misfit that counts by its logarithm where all may scatter more than stated.
+
+    Parameters
+    ----------
+    chi_squared : float
+        Of the observations.
+    freedom : int
+        Observations less parameters.
+    """
+    dof = max(freedom, 1)
+    scatter = max(chi_squared / dof, 1.0)
+    return min(chi_squared, dof * (1 + math.log(scatter)) + ANY_NOISE)
+
+
 @dataclass(frozen=True)
 class Tried(Generic[T]):
     """A hypothesis solved.
@@ -112,9 +127,7 @@ class Tried(Generic[T]):
         Observations that scatter more than stated may do so under any hypothesis, at the cost of
         one more number, the scatter.
         """
-        dof = max(self.freedom, 1)
-        scatter = max(self.chi_squared / dof, 1.0)
-        misfit = min(self.chi_squared, dof * (1 + math.log(scatter)) + ANY_NOISE)
+        misfit = scattered(self.chi_squared, self.freedom)
         return misfit + self.cost + 2 * math.log(self.places) + sum(p.cost for p in self.parameters)
 
     @property

@@ -16,6 +16,7 @@ from vision_gt.campaign.printed import printed_detections
 from vision_gt.causes.diagnosis import Diagnosis, diagnose
 from vision_gt.causes.evidence import Seen
 from vision_gt.causes.reference import ReferenceTurn, reference_turn
+from vision_gt.causes.surveyed import Surveyed
 from vision_gt.images.files import counting, read_image
 from vision_gt.images.markers import Detection
 from vision_gt.least_squares.adjustment import NotDeterminedError
@@ -94,8 +95,7 @@ def finish(begun: Begun) -> VisionOutcome:
     progress("looking for causes of what does not fit", 0.93)
     seen = seen_of(given, begun, solution, (frames, walker, detections), layout, stops)
     validation = validation_table(campaign)
-    if validation is not None:
-        seen = replace(seen, surveyed=dict(zip(validation.ids, validation.poses, strict=True)))
+    seen = replace(seen, surveyed=Surveyed.of(validation))
     diagnosis = _diagnosis(seen, lacks)
     return VisionOutcome(
         given.settings,

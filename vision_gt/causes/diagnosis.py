@@ -8,29 +8,22 @@ from functools import cached_property
 import numpy as np
 from scipy import special
 
-from validation.errors import GtvalError
 from validation.pieces.results import kept_result
 from validation.poses.angles import Array, wrap
 from validation.statistics.hypotheses import RIVAL, Ranking, Tried, ranked
-from vision_gt.causes.effects import (
-    Effect,
-    Moved,
-    Released,
-    Scaled,
-    all_effects,
-)
+from vision_gt.causes.effects import Effect, Moved, Scaled, all_effects
 from vision_gt.causes.evidence import Evidence, Seen, evidence_of
-from vision_gt.causes.exchanges import Exchanged, exchanges, surveyed_rightly
+from vision_gt.causes.exchanges import Exchanged, bar_exchanged, exchanges, lenses_exchanged
+from vision_gt.causes.in_full import Cause, tried_in_full
 from vision_gt.causes.linear import Linear
 from vision_gt.causes.trial import Noise, Solved, solved, with_noise, with_own_noise
 from vision_gt.least_squares.adjustment import MAX_STEPS, NotDeterminedError
-from vision_gt.network.solution import REFERENCE
 from vision_gt.optics.transforms import planar_pose
 
 LEAST_GAIN = 2 * float(np.log(1e3))
 """Of the criterion: odds of a thousand to one against 'nothing is wrong', as nearly all campaigns
 have nothing of the kind."""
-_MOST_TRIED = 8
+_MOST_TRIED = 10
 """Hypotheses that are solved in full, the best to first order. A judgement: of 200 simulated
 campaigns with a cause it was among the first four in all."""
 _LEAST_SHARE = 0.4
@@ -56,31 +49,7 @@ _LEAST_LENS = 5.0
 _GLANCE = 8
 """Steps of the adjustment after which it is seen whether an exchange explains anything: good starts
 need five to ten."""
-_PASSES = 5
 _NONE = Scaled("nothing")
-
-
-@dataclass(frozen=True)
-class Cause:
-    """A hypothesis with its numbers.
-
-    Parameters
-    ----------
-    effect : Effect
-        What.
-    size, sigma : (k,) arrays
-        Its numbers: a share; or metres and radians.
-    solution : Solved
-        Everything, with it taken into account.
-    moments : tuple of str
-        Stops since which it may have been, of a move: nothing tells which.
-    """
-
-    effect: Effect
-    size: Array
-    sigma: Array
-    solution: Solved
-    moments: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -108,7 +77,10 @@ class Diagnosis:
     def cause(self) -> Cause | None:
         """The best hypothesis, where it is much better than none."""
         best = self.ranking.best
-        gained = self.nothing.criterion - best.criterion
+        # The survey tells hypotheses apart, but is no reason to have one: that is images that do
+        # not fit.
+        seen = _by_images(self.nothing) - _by_images(best)
+        gained = seen if self.against else min(seen, self.nothing.criterion - best.criterion)
         effect = best.what.effect
         gradual = isinstance(effect, Scaled) or effect.kind == "lens"
         matters = not gradual or self._moved > _LEAST_HARM
@@ -132,6 +104,30 @@ class Diagnosis:
         return (best, *(o.what.effect for o in self.ranking.rivals() if best.like(o.what.effect)))
 
     @property
+    def against(self) -> bool:
+        """Whether the surveyed stops fit the poses as they are far better than the best hypothesis.
+
+        By odds of a thousand to one, as much as it takes to tell a cause.
+        """
+        return self.ranking.best.what.survey - self.nothing.what.survey > LEAST_GAIN
+
+    @property
+    def others(self) -> tuple[Cause, ...]:
+        """Hypotheses that nothing rules out beside the best one, but for those of its kind."""
+        own = {self.nothing.what.effect, *self.alike}
+        return tuple(o.what for o in self.ranking.rivals() if o.what.effect not in own)
+
+    @property
+    def excluded(self) -> tuple[Effect, ...]:
+        """What the images alone do not rule out beside the best hypothesis, and the survey does."""
+        best = self.ranking.best
+        left = {best.what.effect, *(o.what.effect for o in self.ranking.rivals())}
+        limit = _by_images(best) + RIVAL
+        out = [o.what.effect for o in self.ranking.tried if _by_images(o) < limit]
+        same = [e for e in out if isinstance(e, Moved) and e.like(best.what.effect)]
+        return tuple(e for e in out if e not in {*left, *same, self.nothing.what.effect})
+
+    @property
     def _moved(self) -> float:
         """Standard deviations by which the best hypothesis moves the robot somewhere."""
         before, after = self.nothing.what.solution, self.ranking.best.what.solution
@@ -146,10 +142,11 @@ class Diagnosis:
     def shifts(self) -> Array:
         """(s, 3) best hypothesis minus result: x, y (metres), theta (radians) of each stop.
 
-        Of several that nothing tells apart (`alike`) the largest.
+        Of several that nothing tells apart (`alike`, `others`) the largest.
         """
         tried = {one.what.effect: one.what.solution for one in self.ranking.tried}
-        every = np.array([self._off(tried[effect]) for effect in self.alike])
+        named = (*self.alike, *(one.effect for one in self.others))
+        every = np.array([self._off(tried[effect]) for effect in named])
         largest = np.linalg.norm(every[:, :, :2], axis=2).argmax(0)
         return np.asarray(np.take_along_axis(every, largest[None, :, None], axis=0)[0])
 
@@ -210,18 +207,38 @@ def diagnose(seen: Seen) -> Diagnosis:
     """
     evidence, noise = with_own_noise(evidence_of(seen))
     null = solved(evidence)
-    nothing = Tried(Cause(_NONE, np.zeros(1), np.zeros(1), null), null.score, null.freedom)
-    linear = Linear(null)
-    promising = _promising(linear)
-    tried = [nothing, *_climbed(promising, null)]
+    cause = Cause(_NONE, np.zeros(1), np.zeros(1), null)
+    nothing = _surveyed(Tried(cause, null.score, null.freedom), seen)
+    promising = _promising(Linear(null))
+    tried = [nothing, *_climbed(promising, seen, null)]
     best = min(tried, key=lambda one: one.criterion)
     if best.chi_squared > _BAD * best.freedom or _strangers(seen):
         tried += _exchanged(exchanges(seen), seen, null, noise)
-    elif best.what.effect.kind in {"lens", "focal_length"}:
-        # One of many cameras with the file of another one: the rest fits.
-        files = (e for e in exchanges(seen) if e.kind == "camera_files_exchanged")
-        tried += _exchanged(files, seen, null, noise)
+    elif best.what.effect.kind in {"lens", "focal_length"} or _noisy(noise):
+        # One of many cameras with the lens of another one: the rest fits.
+        tried += _exchanged(lenses_exchanged(seen), seen, null, noise)
+    if best.what.effect.kind == "bar":
+        tried += _exchanged(bar_exchanged(seen), seen, null, noise)
     return Diagnosis(ranked(tried), nothing, noise, seen)
+
+
+def _surveyed(tried: Tried[Cause], seen: Seen) -> Tried[Cause]:
+    """A hypothesis with what the surveyed stops say of it (`surveyed`)."""
+    if not seen.surveyed.ids:
+        return tried
+    at = tried.what.solution
+    said = seen.surveyed.misfit(at.evidence.stops, *Linear(at, bounded=False).stop_poses())
+    return replace(tried, what=replace(tried.what, survey=said), cost=tried.cost + said)
+
+
+def _by_images(tried: Tried[Cause]) -> float:
+    """The criterion of a hypothesis without what the survey says of it."""
+    return tried.criterion - tried.what.survey
+
+
+def _noisy(noise: Sequence[Noise]) -> bool:
+    """Whether corners scatter as about another camera's lens."""
+    return any(one.factor > _BAD for one in noise)
 
 
 def _strangers(seen: Seen) -> bool:
@@ -229,7 +246,7 @@ def _strangers(seen: Seen) -> bool:
     return any(effect.kind == "images_exchanged" for effect in exchanges(seen))
 
 
-def _climbed(effects: Sequence[Effect], null: Solved) -> list[Tried[Cause]]:
+def _climbed(effects: Sequence[Effect], seen: Seen, null: Solved) -> list[Tried[Cause]]:
     """Hypotheses solved in full; of those as good as the best also the moments beside theirs."""
     tried: list[Tried[Cause]] = []
     left, known = list(effects), set[Effect]()
@@ -237,7 +254,7 @@ def _climbed(effects: Sequence[Effect], null: Solved) -> list[Tried[Cause]]:
         effect = left.pop(0)
         known.add(effect)
         try:
-            one = _tried(effect, null)
+            one = _surveyed(tried_in_full(effect, null), seen)
         except (NotDeterminedError, np.linalg.LinAlgError):
             continue
         if one.criterion < min((other.criterion for other in tried), default=np.inf) + RIVAL:
@@ -257,20 +274,13 @@ def _exchanged(
     found: dict[Exchanged, Tried[Cause]] = {}
     for effect in effects:
         with contextlib.suppress(NotDeterminedError, np.linalg.LinAlgError):
-            found[effect] = _reread(effect, seen, null, noise)
+            found[effect] = _surveyed(_reread(effect, seen, null, noise), seen)
     if not found:
         return []
     best = min(found, key=lambda effect: found[effect].criterion)
     same = [effect for effect in found if best.like(effect)]
     for effect in same:
-        found[effect] = _reread(effect, seen, null, noise, MAX_STEPS)
-    right = [effect for effect in same if surveyed_rightly(effect, seen)]
-    if len(same) > len(right) == 1:
-        told = found[right[0]]
-        for effect in same:
-            del found[effect]
-        effect = replace(right[0], by_survey=True)
-        found[effect] = replace(told, what=replace(told.what, effect=effect))
+        found[effect] = _surveyed(_reread(effect, seen, null, noise, MAX_STEPS), seen)
     return list(found.values())
 
 
@@ -280,7 +290,7 @@ def _reread(
 ) -> Tried[Cause]:
     """What was seen read another way."""
     evidence = evidence_of(effect.reread(seen))
-    if effect.kind == "camera_files_exchanged":  # with the noise that shows by the right lens
+    if effect.lenses:  # with the noise that shows by the right lens
         evidence, _ = with_own_noise(evidence)
     else:
         evidence = with_noise(evidence, noise)
@@ -319,96 +329,3 @@ def _neighbours(effect: Effect, evidence: Evidence) -> list[Effect]:
     stops = effect.moments(evidence)
     at = stops.index(effect.since)
     return [replace(effect, since=stops[i]) for i in (at - 1, at + 1) if 0 <= i < len(stops)]
-
-
-@kept_result()
-def _tried(effect: Effect, null: Solved) -> Tried[Cause]:
-    """A hypothesis solved in full."""
-    if isinstance(effect, Scaled):
-        cause, cost, penalty = _scaled(effect, null)
-    elif isinstance(effect, Moved):
-        cause, cost, penalty = _moved(effect, null)
-    elif isinstance(effect, Released):
-        cause, cost, penalty = _released(effect, null)
-    else:
-        raise GtvalError(f"no way to try {effect.kind}")
-    at = cause.solution
-    return Tried(
-        cause,
-        at.score + penalty,
-        at.freedom - len(cause.size),
-        places=float(effect.places),
-        cost=cost,
-    )
-
-
-def _scaled(effect: Scaled, null: Solved) -> tuple[Cause, float, float]:
-    """Gauss-Newton in the scale, everything else adjusted along.
-
-    A step that does not make things better is shortened.
-    """
-    prior = float(effect.prior[0])
-    at, s, cost = null, 0.0, null.adjustment.cost
-    step = float(effect.gain(Linear(null)).sizes(effect.prior)[0])
-    for _ in range(_PASSES):
-        trial = float(np.clip(s + step, -3 * prior, 3 * prior))
-        there = solved(effect.applied(null.evidence, trial), begin=at.setup)
-        found = there.adjustment.cost + 0.5 * (trial / prior) ** 2
-        if found > cost:
-            step /= 4
-            continue
-        at, s, cost = there, trial, found
-        gain = effect.gain(Linear(at, bounded=False))
-        information = gain.information[0, 0] / (1 + s) ** 2 + prior**-2
-        step = float((gain.slope[0] / (1 + s) - s / prior**2) / information)
-        if abs(step) < 0.1 / np.sqrt(information):
-            break
-    gain = effect.gain(Linear(at, bounded=False))
-    information = gain.information[0, 0] / (1 + s) ** 2 + prior**-2
-    cause = Cause(effect, np.array([s]), np.array([information**-0.5]), at)
-    return cause, gain.occam(effect.prior), (s / prior) ** 2
-
-
-def _moved(effect: Moved, null: Solved) -> tuple[Cause, float, float]:
-    """One camera or part more."""
-    evidence, new, old = effect.applied(null.evidence)
-    at = solved(evidence)
-    shared, _ = at.setup.change_from(evidence.setup)
-    size = shared[new] - shared[old]
-    covariance = at.adjustment.covariance
-    spread = (
-        covariance[np.ix_(new, new)]
-        + covariance[np.ix_(old, old)]
-        - covariance[np.ix_(new, old)]
-        - covariance[np.ix_(old, new)]
-    )
-    cost = 2 * float(np.log(effect.prior).sum()) - float(np.linalg.slogdet(spread)[1])
-    return Cause(effect, size, np.sqrt(np.diagonal(spread)), at), cost, 0.0
-
-
-def _released(effect: Released, null: Solved) -> tuple[Cause, float, float]:
-    """A thing known less well."""
-    before, evidence = null.evidence, effect.applied(null.evidence)
-    at = solved(evidence, begin=null.setup)
-    shared, bodies = at.setup.change_from(evidence.setup)
-
-    def known(one: Evidence, solution: Solved) -> tuple[Array, Array]:
-        """Information before, and covariance afterwards."""
-        if effect.kind == "reference":
-            i = one.bodies.index(REFERENCE)
-            return one.knowledge.bodies[i], solution.adjustment.body_covariances[i]
-        slots = effect.slots(one)
-        return one.knowledge.shared[slots, slots], solution.adjustment.covariance[slots, slots]
-
-    def occam(one: Evidence, solution: Solved) -> float:
-        information, covariance = known(one, solution)
-        if not information.any():  # it was taken as exact
-            return 0.0
-        return -float(np.linalg.slogdet(information)[1] + np.linalg.slogdet(covariance)[1])
-
-    if effect.kind == "reference":
-        size = bodies[evidence.bodies.index(REFERENCE)]
-    else:
-        size = shared[effect.slots(evidence)]
-    sigma = np.sqrt(np.diagonal(known(evidence, at)[1]))
-    return Cause(effect, size, sigma, at), occam(evidence, at) - occam(before, null), 0.0

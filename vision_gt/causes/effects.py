@@ -41,14 +41,18 @@ MARKER_RANGE = np.repeat([0.05, 0.2], 3)
 """By which a marker on a robot is moved or turned."""
 BAR_RANGE = np.repeat([0.05, 0.05], 3)
 """By which a bar is built differently from what was stated."""
-REFERENCE_RANGE = np.repeat([0.1, 0.05], 3)
-"""By which a reference pattern is laid differently."""
+REFERENCE_RANGE = np.array([0.1, 0.05, 0.05])
+"""Height and tilts by which a reference pattern is laid differently. Where it lies in x, y and
+heading no image tells."""
 LENS_RANGE = np.array([50.0, 50.0, 30.0, 30.0, 0.1, 0.1, 0.003, 0.003, 0.1])
 """By which a camera's parameters in a file differ from its own: of another camera of its kind."""
 LEAST_AFTER = 2
 """Stops that have to show that something moved: one may be a leg before a marker."""
-DIMA_RANGE = np.repeat([0.05, 0.1], 3)
-"""By which the place of the dima-marker is measured wrongly."""
+DIMA_RANGE = np.array([0.1, 0.05, 0.05])
+"""Height and tilts by which the place of the dima-marker is measured wrongly: those of the robot
+before the cameras, alike, as images tell no more of it."""
+_UPRIGHT = np.array([2, 3, 4])
+"""Height and tilts among the six numbers of a change."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +120,8 @@ class Scaled(Effect):
             return g.kind == REFERENCE_BOARD
         if self.kind == "board_scale":
             return g.kind in {BAR, REFERENCE_BOARD}
+        if self.kind == "bar_and_marker_scale" and g.kind == BAR:
+            return True
         return g.marker is not None and (not self.subject or g.marker == int(self.subject))
 
     def gain(self, linear: Linear) -> Gain:
@@ -203,25 +209,46 @@ class Moved(Effect):
 class Released(Effect):
     """A thing is not where it was stated to be, or a lens is not what its file says.
 
-    The bar's second board, the reference pattern, the dima-marker on the robot, a lens.
+    The bar's second board; height and tilts of the reference pattern and of the dima-marker on the
+    robot, or their height alone ('reference_height', 'dima_height'), which one wrong number in
+    campaign.toml makes; a lens.
     """
 
     @property
     def prior(self) -> Array:
-        """(k,) of translation and turn, or of the lens, beyond what was stated."""
+        """(k,) of what it is off by, or of the lens, beyond what was stated."""
         ranges = {
             "bar": BAR_RANGE,
             "reference": REFERENCE_RANGE,
+            "reference_height": REFERENCE_RANGE[:1],
             "dima": DIMA_RANGE,
+            "dima_height": DIMA_RANGE[:1],
             "lens": LENS_RANGE,
         }
         return ranges[self.kind]
+
+    @property
+    def of_reference(self) -> bool:
+        """Whether it is about the reference pattern."""
+        return self.kind.startswith("reference")
+
+    @property
+    def numbers(self) -> Ints:
+        """(k,) places of its numbers among all those of the thing."""
+        n = len(self.prior)
+        return np.arange(n) if self.kind in {"bar", "lens"} else _UPRIGHT[:n]
+
+    def _wide(self, size: int) -> Array:
+        """(size, size) what is not known of the thing, beyond what was stated."""
+        wide = np.zeros(size)
+        wide[self.numbers] = self.prior**2
+        return np.diag(wide)
 
     def _slots(self, at: Solved) -> tuple[Ints, Array, Array]:
         """Places among all unknowns, information and distance from what was stated."""
         evidence = at.evidence
         shared, bodies = at.setup.change_from(evidence.setup)
-        if self.kind == "reference":
+        if self.of_reference:
             i = evidence.bodies.index(REFERENCE)
             first = int(evidence.knowledge.free.sum()) + 6 * i
             return first + np.arange(6), evidence.knowledge.bodies[i], bodies[i]
@@ -243,18 +270,18 @@ class Released(Effect):
             evidence = linear.at.evidence
             rows = evidence.rows([g.camera == self.subject for g in evidence.groups])
             return linear.columns(rows, linear.lin.by_camera[rows][:, :, 6:])
-        return linear.released(*self._slots(linear.at))
+        return linear.released(*self._slots(linear.at), self.numbers)
 
     def applied(self, evidence: Evidence) -> Evidence:
         """The problem with it known less well."""
         known = evidence.knowledge
         shared, bodies, free = known.shared.copy(), known.bodies.copy(), known.free.copy()
-        wide = np.diag(self.prior**2)
-        if self.kind == "reference":
+        if self.of_reference:
             i = evidence.bodies.index(REFERENCE)
-            bodies[i] = np.linalg.inv(np.linalg.inv(bodies[i]) + wide)
+            bodies[i] = np.linalg.inv(np.linalg.inv(bodies[i]) + self._wide(6))
         else:
             slots = self.slots(evidence)
+            wide = self._wide(slots.stop - slots.start)
             if free[slots].all():
                 wide = wide + np.linalg.inv(shared[slots, slots])
             shared[slots, slots], free[slots] = np.linalg.inv(wide), True
@@ -347,17 +374,20 @@ def _boards_and_markers(evidence: Evidence) -> Iterator[Effect]:
     if BAR in kinds:
         yield from (Scaled("bar_scale"), Scaled("whole_bar_scale"), Released("bar"))
     if REFERENCE_BOARD in kinds:
-        yield from (Scaled("reference_scale"), Released("reference"))
+        yield Scaled("reference_scale")
+        yield from (Released("reference"), Released("reference_height"))
     if {BAR, REFERENCE_BOARD} <= kinds:
         yield Scaled("board_scale")
     if STOP in kinds:
         yield Scaled("marker_scale")
+        if BAR in kinds:
+            yield Scaled("bar_and_marker_scale")
         for number in evidence.markers:
             yield Scaled("marker_side", str(number), places=len(evidence.markers))
     for i, number in enumerate(evidence.markers):
         slots = part_slots(evidence.setup, 2 + i)
         if evidence.knowledge.shared[slots, slots].any():
-            yield Released("dima", str(number))
+            yield from (Released("dima", str(number)), Released("dima_height", str(number)))
 
 
 def _lenses(evidence: Evidence) -> Iterator[Effect]:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from validation.poses.angles import Array
+from vision_gt.causes.surveyed import Surveyed
 from vision_gt.least_squares.adjustment import Knowledge
 from vision_gt.least_squares.setups import (
     Ints,
@@ -73,9 +74,9 @@ class Seen:
         Cameras whose lens comes from a file.
     results : mapping of str to ((3,) array, (3, 3) array)
         The poses x, y, theta that the usual solution gives for stops, and their covariances.
-    surveyed : mapping of str to (3,) array
-        The poses x, y, theta that the survey gives for stops. No number hangs on them; they tell
-        apart what no image can.
+    surveyed : Surveyed
+        The poses that the survey gives for stops. No number hangs on them; they tell apart what no
+        image can.
     """
 
     cameras: tuple[Camera, ...]
@@ -92,7 +93,7 @@ class Seen:
     floor: Floor
     from_files: tuple[str, ...] = ()
     results: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
-    surveyed: Mapping[str, Array] = field(default_factory=dict)
+    surveyed: Surveyed = field(default_factory=Surveyed)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -231,11 +232,14 @@ def evidence_of(seen: Seen) -> Evidence:
     )
 
 
-def _board_group(view: BoardView) -> Group:
+def kind_of_board(view: BoardView) -> str:
+    """What a board was shown for: 'calibration', 'reference' or 'bar'."""
     kind = view.body.split("/")[0] if "/" in view.body else view.body
-    if kind not in {CALIBRATION, REFERENCE}:
-        kind = BAR
-    return Group(kind, view.camera, view.body)
+    return kind if kind in {CALIBRATION, REFERENCE} else BAR
+
+
+def _board_group(view: BoardView) -> Group:
+    return Group(kind_of_board(view), view.camera, view.body)
 
 
 def _boards(seen: Seen) -> tuple[list[BoardView], dict[str, RigidTransform]]:
@@ -312,7 +316,7 @@ def _knowledge(
 ) -> Knowledge:
     """What was stated: lenses, bar, reference, dima-marker, floor."""
     known = Knowledge.nothing(setup)
-    calibrated = {view.camera for view in boards if _board_group(view).kind == CALIBRATION}
+    calibrated = {view.camera for view in boards if kind_of_board(view) == CALIBRATION}
     for i, camera in enumerate(seen.cameras):
         slots = camera_slots(i)
         known.free[slots.start : slots.start + 6] = True

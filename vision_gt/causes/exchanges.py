@@ -8,9 +8,10 @@ import numpy as np
 
 from validation.poses.angles import Array, wrap
 from vision_gt.causes.effects import Effect
-from vision_gt.causes.evidence import Seen
+from vision_gt.causes.evidence import BAR, CALIBRATION, Seen, kind_of_board
 from vision_gt.causes.linear import Gain, Linear
 from vision_gt.optics.transforms import planar_pose
+from vision_gt.patterns.board_views import BoardView
 
 _SAME = 0.1, 0.1
 """Metres and radians within which two cameras see the robot in one place. A judgement: single
@@ -24,20 +25,23 @@ class Exchanged(Effect):
     Parameters
     ----------
     pair : (str, str)
-        Two cameras, whose files ('camera_files_exchanged') or images of the stops
-        ('cameras_exchanged') are exchanged; or two stops of the camera ``subject``, whose images
-        are ('images_exchanged').
-    by_survey : bool
-        Whether the survey alone tells that it is not another camera's images of these stops.
+        Two cameras, whose files ('camera_files_exchanged'), images of their calibration
+        ('calibrations_exchanged') or images of the stops ('cameras_exchanged') are exchanged; or
+        two stops of the camera ``subject``, whose images are ('images_exchanged'). Empty for the
+        ids of the bar's two boards ('bar_exchanged').
     """
 
     pair: tuple[str, str] = ("", "")
-    by_survey: bool = False
 
     @property
     def prior(self) -> Array:
         """(0,): there are no numbers."""
         return np.zeros(0)
+
+    @property
+    def lenses(self) -> bool:
+        """Whether two cameras have each other's lens."""
+        return self.kind in {"camera_files_exchanged", "calibrations_exchanged"}
 
     def like(self, other: Effect) -> bool:
         """Whether both are of one pair, of whatever camera."""
@@ -53,10 +57,18 @@ class Exchanged(Effect):
         """What was seen and stated, read the other way."""
         a, b = self.pair
         other = {a: b, b: a}
-        if self.kind == "camera_files_exchanged":
+        if self.kind == "bar_exchanged":
+            return replace(seen, boards=tuple(_other_board(view) for view in seen.boards))
+        if self.lenses:
             lenses = {camera.name: camera for camera in seen.cameras}
             cameras = [replace(lenses[other.get(n, n)], name=n) for n in seen.names]
-            return replace(seen, cameras=tuple(cameras))
+            boards = tuple(
+                replace(view, camera=other.get(view.camera, view.camera))
+                if self.kind == "calibrations_exchanged" and kind_of_board(view) == CALIBRATION
+                else view
+                for view in seen.boards
+            )
+            return replace(seen, cameras=tuple(cameras), boards=boards)
         if self.kind == "cameras_exchanged":
             stops = {
                 stop: [replace(one, camera=other.get(one.camera, one.camera)) for one in sightings]
@@ -76,11 +88,32 @@ class Exchanged(Effect):
         return replace(seen, stops=stops, T_gtv_robot=known)
 
 
+def _other_board(view: BoardView) -> BoardView:
+    """A view of the bar's first board as one of its second, and the other way round."""
+    return replace(view, part=1 - view.part) if kind_of_board(view) == BAR else view
+
+
+def lenses_exchanged(seen: Seen) -> Iterator[Exchanged]:
+    """Cameras whose files, or whose images of the calibration, may be exchanged."""
+    shown = {view.camera for view in seen.boards if kind_of_board(view) == CALIBRATION}
+    for kind, names in (
+        ("camera_files_exchanged", seen.from_files),
+        ("calibrations_exchanged", [name for name in seen.names if name in shown]),
+    ):
+        pairs = list(combinations(names, 2))
+        for pair in pairs:
+            yield Exchanged(kind, pair=pair, places=len(pairs))
+
+
+def bar_exchanged(seen: Seen) -> Iterator[Exchanged]:
+    """The two boards of the bar, where both were seen."""
+    if {view.part for view in seen.boards if kind_of_board(view) == BAR} == {0, 1}:
+        yield Exchanged("bar_exchanged")
+
+
 def exchanges(seen: Seen) -> Iterator[Exchanged]:
-    """Cameras whose files or images may be exchanged, and images of stops that may."""
-    pairs = list(combinations(seen.from_files, 2))
-    for pair in pairs:
-        yield Exchanged("camera_files_exchanged", pair=pair, places=len(pairs))
+    """Cameras whose lenses or images may be exchanged, and images of stops that may."""
+    yield from lenses_exchanged(seen)
     seeing = {one.camera for sightings in seen.stops.values() for one in sightings}
     pairs = list(combinations([name for name in seen.names if name in seeing], 2))
     for pair in pairs:
@@ -105,33 +138,6 @@ def _stops_exchanged(seen: Seen) -> Iterator[Exchanged]:
     n = max(len(states), 2)
     for one in found.values():
         yield replace(one, places=n * (n - 1) // 2)
-
-
-def surveyed_rightly(effect: Exchanged, seen: Seen) -> bool | None:
-    """Whether the survey has the robot at two stops where the cameras see it, once read rightly.
-
-    Parameters
-    ----------
-    effect : Exchanged
-        Of the images of two stops.
-    seen : Seen
-        As it was read at first.
-
-    Returns
-    -------
-    bool or None
-        None where one of the stops was not surveyed.
-    """
-    if not all(stop in seen.surveyed for stop in effect.pair):
-        return None
-    a, b = effect.pair
-    other = {a: b, b: a}
-    # Of the camera's own images each is of the other stop; all cameras see the robot there.
-    return all(
-        _near(planar_pose(T), seen.surveyed[other[stop] if camera == effect.subject else stop])
-        for (camera, stop), T in seen.T_gtv_robot.items()
-        if stop in other
-    )
 
 
 def _near(a: Array, b: Array) -> bool:

@@ -21,6 +21,7 @@ from vision_gt.least_squares.setups import (
     linearised_at,
     whiten,
 )
+from vision_gt.optics.transforms import planar_jacobian, planar_pose
 
 
 @dataclass(frozen=True)
@@ -149,25 +150,41 @@ class Linear:
         S = C.T @ C - mixed.T @ self.solver.solve(mixed)
         return Gain(0.5 * (S + S.T), C.T @ residual - mixed.T @ self.rest)
 
+    def stop_poses(self) -> tuple[Array, Array]:
+        """(s, 3) poses x, y, theta of the stops, and their joint covariance (3 s, 3 s)."""
+        rows = self.at.evidence.stop_bodies()
+        setup = self.at.setup
+        columns = np.zeros((self.size, 3 * len(rows)))
+        for k, row in enumerate(rows):
+            place = len(self.free) + 6 * row
+            columns[place : place + 6, 3 * k : 3 * k + 3] = planar_jacobian(setup.R_body[row]).T
+        covariance = columns.T @ self.solver.solve(columns)
+        T = setup.T_world_body
+        poses = np.array([planar_pose(T[int(row)]) for row in rows]).reshape(-1, 3)
+        return poses, 0.5 * (covariance + covariance.T)
+
     @cached_property
     def by_row(self) -> csr_array:
         """The design by its rows."""
         return self.A.tocsr()
 
-    def released(self, slots: Ints, information: Array, off: Array) -> Gain:
-        """What it gains to let unknowns go from where they were stated to be.
+    def released(self, slots: Ints, information: Array, off: Array, numbers: Ints) -> Gain:
+        """What it gains to let some numbers of a thing go from where they were stated to be.
 
         Parameters
         ----------
         slots : (k,) array of int
-            Of the unknowns: shared ones first, then six of each body.
+            Of the thing's unknowns: shared ones first, then six of each body.
         information : (k, k) array
             With which they are held.
         off : (k,) array
             How far from there they are now.
+        numbers : (m,) array of int
+            Which of the k are let go.
         """
         columns = np.zeros((self.size, len(slots)))
         columns[slots, np.arange(len(slots))] = 1.0
         covariance = self.solver.solve(columns)[slots]
         S = information - information @ covariance @ information
-        return Gain(0.5 * (S + S.T), information @ (off + self.rest[slots]))
+        slope = information @ (off + self.rest[slots])
+        return Gain((0.5 * (S + S.T))[np.ix_(numbers, numbers)], slope[numbers])

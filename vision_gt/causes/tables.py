@@ -24,7 +24,8 @@ def hypothesis_table(diagnosis: Diagnosis) -> Table:
             ("hypothesis", "", said),
         ],
         "Better: twice the logarithm of the odds against 'nothing is wrong', with what its numbers "
-        "and the places where it was sought cost. 14 are a thousand to one, and are told.",
+        "and the places where it was sought cost, and what surveyed stops say of it. 14 are a "
+        "thousand to one, and are told.",
     )
 
 

@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from validation.results import TWO_SIDED, Finding, Severity, Size, listed_ids
-from vision_gt.causes.diagnosis import Cause, Diagnosis
+from validation.results import SPOILT, TWO_SIDED, Finding, Severity, Size, listed_ids
+from vision_gt.causes.diagnosis import Diagnosis
 from vision_gt.causes.effects import Effect, Moved, Scaled
 from vision_gt.causes.evidence import WALK
 from vision_gt.causes.exchanges import Exchanged
+from vision_gt.causes.in_full import Cause
 from vision_gt.causes.reference import ReferenceTurn
 from vision_gt.causes.trial import Noise
 
@@ -41,6 +42,10 @@ _KEYS = {
         "the squares of vision.bar and vision.reference",
     ),
     "marker_scale": ("the sides of all markers", "vision.markers.sides"),
+    "bar_and_marker_scale": (
+        "the squares of the bar's boards and the sides of all markers, all of them,",
+        "the squares of vision.bar and vision.markers.sides",
+    ),
 }
 
 
@@ -53,12 +58,63 @@ def cause_finding(diagnosis: Diagnosis) -> Finding | None:
     if isinstance(effect, Exchanged) and len(diagnosis.alike) > 1:
         return _either(diagnosis)
     cause = replace(cause, moments=tuple(one.since for one in diagnosis.alike))
-    between = f"{_spoilt(diagnosis)}{_odds(diagnosis)}"
+    named = (cause, *diagnosis.others)
     # Poses are off by their distance from the camera times that.
-    scaled = effect.kind in _KEYS and abs(cause.size[0]) > _LARGE_PRINT
-    bad = isinstance(effect, Exchanged) or scaled or bool((diagnosis.harm > _ERROR).any())
-    severity: Severity = "error" if bad else "warning"
-    return _TELLERS[_teller(effect)](cause, severity, lambda what, do: f"{what} {between} {do}")
+    scaled = any(o.effect.kind in _KEYS and abs(o.size[0]) > _LARGE_PRINT for o in named)
+    exchanged = any(isinstance(o.effect, Exchanged) for o in named)
+    bad = exchanged or scaled or bool((diagnosis.harm > _ERROR).any())
+    severity: Severity = "error" if bad and not diagnosis.against else "warning"
+    if len(named) > 1:
+        return _with_harm(_one_of(diagnosis, named, severity), diagnosis)
+    more = f"{_spoilt(diagnosis)}{_odds(diagnosis)}{_by_survey(diagnosis)}"
+    found = _told(cause, severity, lambda what, do: f"{what} {more} {do}")
+    return _with_harm(found, diagnosis)
+
+
+def _with_harm(found: Finding, diagnosis: Diagnosis) -> Finding:
+    """A finding with how many poses its cause spoils."""
+    if diagnosis.against or not (count := int((diagnosis.harm > _ERROR).sum())):
+        return found
+    return replace(found, sizes=(*found.sizes, Size(SPOILT, count, "poses")))
+
+
+def _told(cause: Cause, severity: Severity, joined: "Joined") -> Finding:
+    return _TELLERS[_teller(cause.effect)](cause, severity, joined)
+
+
+def _one_of(diagnosis: Diagnosis, named: Sequence[Cause], severity: Severity) -> Finding:
+    """Hypotheses that nothing tells apart, the likeliest first."""
+    said = [f"{'Or' if i else 'Either'}: {said_of(one)}" for i, one in enumerate(named)]
+    criterion = {one.what.effect: one.criterion for one in diagnosis.ranking.tried}
+    least = criterion[named[0].effect]
+    odds = [f"{np.exp((least - criterion[one.effect]) / 2):.2g}" for one in named]
+    asked = diagnosis.seen.surveyed.common(named[0].solution.evidence.stops)
+    teller = (
+        "Neither the images nor the surveyed stops tell which"
+        if asked
+        else "The images do not tell which, a survey of the stops may"
+    )
+    do = dict.fromkeys(_told(one, "note", lambda _, do: do).text for one in named)
+    text = (
+        f"{' '.join(said)} {teller} (odds {' : '.join(odds)}). {_spoilt(diagnosis, 'may spoil')}"
+        f"{_odds(diagnosis)}{_by_survey(diagnosis)} {' Or: '.join(do)}"
+    )
+    return _told(named[0], severity, lambda _, __: text)
+
+
+def _by_survey(diagnosis: Diagnosis) -> str:
+    """What only the surveyed stops tell."""
+    if diagnosis.against:
+        return (
+            " But the surveyed stops agree with the poses as they are, and not with this: it is "
+            "the best of what was tried, and not the cause."
+        )
+    out = {one.kind: one for one in diagnosis.excluded}
+    if not out:
+        return ""
+    causes = {one.what.effect: one.what for one in diagnosis.ranking.tried}
+    others = " ".join(said_of(causes[one]) for one in out.values())
+    return f" The images alone would allow others, which the surveyed stops exclude: {others}"
 
 
 def said_of(cause: Cause) -> str:
@@ -69,7 +125,7 @@ def said_of(cause: Cause) -> str:
     cause : Cause
         With its numbers.
     """
-    return _TELLERS[_teller(cause.effect)](cause, "note", lambda what, _: what).text
+    return _told(cause, "note", lambda what, _: what).text
 
 
 def _teller(effect: Effect) -> str:
@@ -172,7 +228,7 @@ def _when(cause: Cause, always: str) -> str:
 
 def _place(cause: Cause, severity: Severity, joined: Joined) -> Finding:
     by, sizes = _length_angle(cause)
-    kind, number = cause.effect.kind, cause.effect.subject
+    kind, number = cause.effect.kind.removesuffix("_height"), cause.effect.subject
     what, key, subject = {
         "bar": (
             "The bar's second board is not where it was stated to be",
@@ -181,7 +237,7 @@ def _place(cause: Cause, severity: Severity, joined: Joined) -> Finding:
         ),
         "reference": (
             "The reference pattern does not lie as stated",
-            "vision.reference.height and its level",
+            "vision.reference.height, and its level",
             "reference",
         ),
         "dima": (
@@ -191,11 +247,42 @@ def _place(cause: Cause, severity: Severity, joined: Joined) -> Finding:
         ),
     }[kind]
     code = "bar_place" if kind == "bar" else "dima_place" if number else "reference_place"
+    if kind != cause.effect.kind:
+        return _height(cause, severity, joined)
     x, y, z = 1e3 * cause.size[:3]
     text = f"{what}: it is off by {by} ({x:+.1f}, {y:+.1f}, {z:+.1f} mm)."
     return Finding(
         severity, joined(text, f"Measure it again, and correct {key}."), subject, code, sizes
     )
+
+
+def _height(cause: Cause, severity: Severity, joined: Joined) -> Finding:
+    """A thing that lies higher or lower than stated."""
+    height, sigma = float(cause.size[2]), float(cause.sigma[2])
+    marker = cause.effect.subject
+    what, key, subject, code = (
+        (
+            f"Marker {marker}, which carries the robot frame, sits",
+            "the third number of vision.markers.dima_on_robot's translation",
+            f"marker {marker}",
+            "dima_place",
+        )
+        if marker
+        else (
+            "The reference pattern lies",
+            "vision.reference.height",
+            "reference",
+            "reference_place",
+        )
+    )
+    half = TWO_SIDED * sigma
+    text = (
+        f"{what} {1e3 * abs(height):.1f} mm {'higher' if height > 0 else 'lower'} than stated "
+        f"(95 %: {1e3 * (abs(height) - half):.1f} to {1e3 * (abs(height) + half):.1f} mm)."
+    )
+    do = f"Measure its height again, and correct {key} (by {1e3 * height:+.1f} mm)."
+    sizes = (Size.normal("higher than stated", height, sigma, "m"),)
+    return Finding(severity, joined(text, do), subject, code, sizes)
 
 
 def _exchanged(cause: Cause, severity: Severity, joined: Joined) -> Finding:
@@ -204,12 +291,16 @@ def _exchanged(cause: Cause, severity: Severity, joined: Joined) -> Finding:
     a, b = effect.pair
     if effect.kind == "images_exchanged":
         text = f"The images of stops {a} and {b} of camera {effect.subject} are exchanged."
-        if effect.by_survey:
-            text += " That it is this camera's, only the survey of the stops tells."
         do = "Exchange their file names."
         subject = f"camera {effect.subject}"
     elif effect.kind == "cameras_exchanged":
         text = f"The images of the stops of cameras {a} and {b} are exchanged."
+        do, subject = "Exchange the names of their folders.", f"cameras {a}-{b}"
+    elif effect.kind == "bar_exchanged":
+        text = "The two boards of the bar are exchanged: the first was stated as the second."
+        do, subject = "Exchange vision.bar.first and vision.bar.second (first_id).", "bar"
+    elif effect.kind == "calibrations_exchanged":
+        text = f"The images of the calibration of cameras {a} and {b} are exchanged."
         do, subject = "Exchange the names of their folders.", f"cameras {a}-{b}"
     else:
         text = f"The files of cameras {a} and {b} are exchanged."
@@ -254,20 +345,12 @@ def _spoilt(diagnosis: Diagnosis, spoils: str = "spoils") -> str:
 
 
 def _odds(diagnosis: Diagnosis) -> str:
-    """How sure that is, and what else it may be."""
+    """How sure it is that something is wrong."""
     ranking = diagnosis.ranking
     odds = ranking.odds(diagnosis.nothing)
     text = " The odds against 'nothing is wrong' are more than a million to one."
     if odds < 1e6:
         text = f" The odds against 'nothing is wrong' are {odds:.2g} to one."
-    rivals = [
-        one.what
-        for one in ranking.rivals()
-        if one is not diagnosis.nothing and one.what.effect not in diagnosis.alike
-    ]
-    if rivals:
-        others = " ".join(said_of(one) for one in rivals)
-        text += f" What else would explain it nearly as well: {others}"
     return text
 
 

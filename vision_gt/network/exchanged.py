@@ -34,6 +34,10 @@ _LENSES = (
     "the lenses of cameras {} and {} are exchanged: their files in vision.camera_files, "
     "or their folders of calibration images"
 )
+_BOARDS = (
+    "the two boards of the bar are exchanged: vision.bar.first and vision.bar.second, or their "
+    "first_id"
+)
 _APART = (
     "the snapshots of cameras {0} and {1} are numbered apart: those of camera {0} are {2} too {3}"
 )
@@ -208,7 +212,9 @@ def why_not_linked(
         (as_is + more, _APART.format(first, second, abs(shift), "low" if shift > 0 else "high"))
         for first, second, shift, more in _shifted(poses)
     ]
-    count, said = max(tried, key=lambda one: one[0], default=(0, ""))
+    swapped = [replace(view, part=1 - view.part) for view in views]
+    tried.append((_agreeing(bar_poses(swapped, cameras, T_bar_patterns)), _BOARDS))
+    count, said = max(tried, key=lambda one: one[0])
     if count < as_is + _LEAST_MORE:
         lens = _lenses_that_fit(views, cameras) or _worst_lens(views, cameras)
         if lens:

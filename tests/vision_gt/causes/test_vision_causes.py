@@ -7,13 +7,15 @@ import pytest
 import spoilt_images as spoilt
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from validation.statistics.hypotheses import ranked
 from vision_gt.campaign.findings import vision_findings
 from vision_gt.campaign.solve import _diagnosis
 from vision_gt.causes import diagnosis as causes
 from vision_gt.causes.diagnosis import diagnose
 from vision_gt.causes.evidence import BAR, CALIBRATION, REFERENCE_BOARD, evidence_of
 from vision_gt.causes.reference import reference_turn
-from vision_gt.causes.telling import cause_finding, noise_finding
+from vision_gt.causes.surveyed import Surveyed
+from vision_gt.causes.telling import cause_finding, noise_finding, said_of
 from vision_gt.causes.trial import Noise, with_own_noise
 from vision_gt.least_squares.setups import camera_slots
 from vision_gt.optics.lenses import fisheye_parameters
@@ -109,11 +111,14 @@ def test_stops_between_which_nothing_tells_when_a_camera_was_knocked_are_all_nam
     only = [s for s, seen in good.stops.items() if {o.camera for o in seen} == {"1"}]
     order = [s for s, seen in good.stops.items() if any(o.camera == "1" for o in seen)]
     upright = good.T_gtv_camera[good.names.index("1")].rotation.inv().apply([0.0, 0.0, 0.006])
-    diagnosis = diagnose(spoilt.camera_turned(good, "1", only[1], upright))
+    seen = spoilt.camera_turned(good, "1", only[1], upright)
+    diagnosis = diagnose(replace(seen, surveyed=Surveyed()))
     assert {one.kind for one in diagnosis.alike} == {"camera_moved"}
     assert {one.since for one in diagnosis.alike} >= set(only)
     before = order[order.index(only[0]) - 1]
     assert f"between stop {before} and stop {only[-1]}." in cause_finding(diagnosis).text
+    # A survey of the stops tells.
+    assert {one.since for one in diagnose(seen).alike} == {only[1]}
 
 
 def test_a_marker_that_slipped_is_named_with_the_stop(good):
@@ -153,7 +158,7 @@ def mixed(good):
     both = [s for s, seen in good.stops.items() if {o.camera for o in seen} >= {"1", "2"}]
     a, b = both[0], both[-1]
     stood = {stop: planar_pose(good.T_gtv_robot["1", stop]) for stop in (a, b)}
-    alone = replace(good, surveyed={})
+    alone = replace(good, surveyed=Surveyed())
     return spoilt.stops_exchanged(alone, "1", a, b), (a, b), stood
 
 
@@ -177,17 +182,111 @@ def test_the_survey_tells_whose_images_are_exchanged(mixed, whose):
     # Were they camera 2's, the robot stood at the other stop.
     at = stood if whose == "1" else {a: stood[b], b: stood[a]}
     noise = np.random.default_rng(3).normal(0, 0.005, (2, 3))
-    surveyed = {stop: pose + off for (stop, pose), off in zip(at.items(), noise, strict=True)}
-    diagnosis = diagnose(replace(seen, surveyed=surveyed))
+    poses = np.array(list(at.values())) + noise
+    diagnosis = diagnose(replace(seen, surveyed=surveyed_at(tuple(at), poses)))
     effect = diagnosis.cause.effect
-    assert (effect.subject, effect.pair, effect.by_survey) == (whose, (a, b), True)
-    assert f"of camera {whose} are exchanged" in cause_finding(diagnosis).text
+    assert (effect.subject, effect.pair) == (whose, (a, b))
+    assert {one.subject for one in diagnosis.excluded} == {"1", "2"} - {whose}
+    text = cause_finding(diagnosis).text
+    assert f"of camera {whose} are exchanged" in text
+    assert "which the surveyed stops exclude" in text
 
 
-def test_a_survey_in_another_frame_tells_nothing(mixed):
+def test_a_survey_in_another_frame_tells_by_how_its_stops_lie_to_each_other(mixed):
     seen, _, stood = mixed
-    surveyed = {stop: pose + np.array([0.5, 0.5, 0.0]) for stop, pose in stood.items()}
-    assert len(diagnose(replace(seen, surveyed=surveyed)).alike) == 2
+    poses = np.array(list(stood.values())) + np.array([0.5, 0.5, 0.0])
+    surveyed = surveyed_at(tuple(stood), poses)
+    assert [one.subject for one in diagnose(replace(seen, surveyed=surveyed)).alike] == ["1"]
+    elsewhere = next(stop for stop in seen.results if stop not in stood)
+    other = surveyed_at((elsewhere,), [seen.results[elsewhere][0]])
+    assert len(diagnose(replace(seen, surveyed=other)).alike) == 2
+
+
+def surveyed_at(stops, poses, sigma=0.005):
+    """Stops surveyed without correlations, to so many metres and radians."""
+    return Surveyed(stops, np.asarray(poses), sigma**2 * np.eye(3 * len(stops)))
+
+
+@pytest.fixture(scope="module")
+def of_images(good):
+    """Where the robot stood, to millimetres: what a survey of all stops says."""
+    poses = {stop: pose for stop, (pose, _) in good.results.items()}
+    return surveyed_at(tuple(poses), np.array(list(poses.values())), 0.002)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "above"),
+    [(spoilt.reference_raised, -0.03), (spoilt.dima_raised, -0.03)],
+)
+def test_a_height_that_was_stated_wrongly_is_told_though_not_which(good, of_images, spoil, above):
+    """Reference and dima-marker lift the robot alike; prints of another size would move it."""
+    diagnosis = diagnose(replace(spoil(good, -above), surveyed=of_images))
+    assert diagnosis.cause is not None
+    kinds = {diagnosis.cause.effect.kind, *(one.effect.kind for one in diagnosis.others)}
+    assert kinds == {"reference_height", "dima_height"}
+    by = {one.effect.kind: one for one in (diagnosis.cause, *diagnosis.others)}
+    which = "reference_height" if spoil is spoilt.reference_raised else "dima_height"
+    assert abs(by[which].size[2] - above) < 4 * by[which].sigma[2]
+    found = cause_finding(diagnosis)
+    assert found.text.startswith("Either: ")
+    assert "Neither the images nor the surveyed stops tell which (odds 1 : " in found.text
+    assert found.severity == "warning"  # no pose moves
+    assert (diagnosis.harm < 3).all()
+
+
+def test_without_a_survey_a_size_and_two_heights_are_told_alike(good):
+    seen = replace(spoilt.reference_raised(good, 0.03), surveyed=Surveyed())
+    diagnosis = diagnose(seen)
+    kinds = {diagnosis.cause.effect.kind, *(one.effect.kind for one in diagnosis.others)}
+    assert kinds >= {"reference_height", "dima_height", "reference_scale"}
+    found = cause_finding(diagnosis)
+    assert "a survey of the stops may" in found.text
+    assert found.severity == "error"  # it may be the one that spoils all poses
+    assert (diagnosis.harm > 3).any()
+
+
+def test_a_bar_whose_boards_were_taken_for_each_other_is_told(good):
+    boards = tuple(
+        replace(v, part=1 - v.part) if spoilt.of_kind(v) == BAR else v for v in good.boards
+    )
+    cause = diagnose(replace(good, boards=boards)).cause
+    assert cause is not None
+    assert cause.effect.kind == "bar_exchanged"
+    assert "two boards of the bar are exchanged" in said_of(cause)
+
+
+def test_images_of_two_cameras_calibrations_that_are_exchanged_are_told(good):
+    other = {"1": "2", "2": "1"}
+    lenses = {camera.name: camera for camera in good.cameras}
+    cameras = tuple(replace(lenses[other[n]], name=n) for n in good.names)
+    boards = tuple(
+        replace(v, camera=other[v.camera]) if spoilt.of_kind(v) == CALIBRATION else v
+        for v in good.boards
+    )
+    cause = diagnose(replace(good, cameras=cameras, boards=boards)).cause
+    assert cause is not None
+    assert (cause.effect.kind, cause.effect.pair) == ("calibrations_exchanged", ("2", "1"))
+
+
+def test_bar_and_markers_too_large_at_once_are_told_by_the_survey(good, of_images):
+    share = -0.03
+    seen = spoilt.markers_printed(spoilt.boards_printed(good, {BAR}, share), share)
+    diagnosis = diagnose(replace(seen, surveyed=of_images))
+    cause = diagnosis.cause
+    assert cause is not None
+    assert cause.effect.kind == "bar_and_marker_scale"
+    assert abs(cause.size[0] - share) < 4 * cause.sigma[0]
+
+
+def test_poses_as_they_are_that_the_survey_confirms_are_not_called_spoilt(good, of_images):
+    """A wrong size is the best of what is left, were the heights not among what is tried."""
+    diagnosis = diagnose(replace(spoilt.reference_raised(good, 0.03), surveyed=of_images))
+    left = [o for o in diagnosis.ranking.tried if o.what.effect.kind == "reference_scale"]
+    alone = replace(diagnosis, ranking=ranked([*left, diagnosis.nothing]))
+    found = cause_finding(alone)
+    assert alone.against
+    assert found.severity == "warning"
+    assert "the surveyed stops agree with the poses as they are" in found.text
 
 
 def test_a_camera_with_rough_corners_is_told_though_the_detector_states_them(good):

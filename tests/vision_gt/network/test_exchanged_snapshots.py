@@ -143,6 +143,14 @@ def test_a_bar_with_boards_of_another_size_is_said(share, said):
     assert found.startswith(f"the squares of the bar's boards are some {said} than stated")
 
 
+def test_boards_of_the_bar_that_were_taken_for_each_other_are_said():
+    row = row_of(35, CHARUCO, 12)
+    views = [replace(view, part=1 - view.part) for view in row.snapshots]
+    patterns = Bar(row.nominal_bar, np.zeros(6)).patterns
+    said = why_not_linked(views, row.cameras, patterns)
+    assert said.startswith("the two boards of the bar are exchanged")
+
+
 def test_numbers_that_run_apart_are_said():
     """Camera 1 took a frame too many: its files have the numbers of the moment after."""
     row = row_of(33, CHARUCO, 12)

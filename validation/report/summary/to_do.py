@@ -74,7 +74,13 @@ def to_do(
     explanation : Explanation, optional
         Who is wrong where, and by how much.
     """
-    told = [*_errors(findings), *_stops(lines, explanation), *_causes(findings, explanation)]
+    # What spoils all poses of a system is one line, and not one for each of its stops.
+    spoilt = frozenset(one.subject for one in findings if one.code == "spoilt_by_cause")
+    told = [
+        *_errors(findings),
+        *_stops(lines, explanation, spoilt),
+        *_causes(findings, explanation),
+    ]
     told += [*_neighbours(findings), *_more_stops(lines), *_missing(lines), *_covariances(findings)]
     told += [
         ToDo(one.subject, f"Look at this: {one.sentence}", FINDINGS, (5, 1.0))
@@ -104,13 +110,16 @@ def _errors(findings: Iterable[Finding]) -> list[ToDo]:
     ]
 
 
-def _stops(lines: Sequence[Line], explanation: Explanation | None) -> list[ToDo]:
+def _stops(
+    lines: Sequence[Line], explanation: Explanation | None, spoilt: frozenset[str]
+) -> list[ToDo]:
     """One line for each stop with cells that do not fit, or that are to be looked at again."""
     if explanation is None:
         return []
     limits = [one.bias.limit for one in lines[0].evaluation.statistics] if lines else []
     found, compared = explanation.arbitration, {one.evaluation.system for one in lines}
     certain = [(v, True) for v in found.verdicts] + [(v, False) for v in found.suspects]
+    certain = [(v, sure) for v, sure in certain if not set(v.blamed) <= spoilt]
     told = []
     for stop in dict.fromkeys(one.stop for one, _ in certain):
         cells = [(one, sure) for one, sure in certain if one.stop == stop]
