@@ -119,6 +119,10 @@ def best_size(markers: "Markers", board: Board) -> tuple[int, Board]:
         for one in _of_sizes(board, low, high)
     ]
     most, _, _, best = max(ranked, key=lambda row: row[:3], default=(0, False, 0, board))
+    if most and best.first_id != board.first_id:
+        # Ids before those in line are another board's, or none of any board.
+        first = int(markers.numbers[_agreeing(best, markers)].min()) - best.first_id
+        best = replace(best, first_id=best.first_id + first // best.columns * best.columns)
     return most, best
 
 

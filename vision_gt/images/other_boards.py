@@ -265,6 +265,8 @@ def _other_size(image: Image, board: Board, beside: Sequence[Board] = ()) -> Oth
             return None  # a little of a stated board, as which they agree nearly as well
         if (best.columns, best.first_id) in {(one.columns, one.first_id) for one in both}:
             return None  # it is the stated one, of which too little is seen
+        if abs(best.first_id - board.first_id) > min(abs(best.first_id - b.first_id) for b in both):
+            return None  # it is more likely another one of the stated boards
         if best.columns == board.rows and best.first_id == board.first_id:
             return OtherBoard(f"{how}{EXCHANGED}", None, _outline(markers))
         return OtherBoard(f"{how}{of_size(best, board)}", None, _outline(markers))
