@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from validation.errors import GtvalError
 from vision_gt.images.boards import look_for_boards
-from vision_gt.images.chessboards import without_rim
+from vision_gt.images.chessboards import grid_of_circles, without_rim
 from vision_gt.images.jobs import BoardJob, detect_in
 from vision_gt.images.kept import KeptDetections
 from vision_gt.images.other_boards import named_for_all
@@ -404,3 +404,11 @@ def test_two_boards_with_the_same_ids_are_named():
     look = look_for_boards(np.hstack([image, image]), [STATED])
     assert look.found == (None,)
     assert look.instead == "two boards with the same ids"
+
+
+def test_a_floor_of_tiles_is_no_grid_of_circles():
+    """More than 1,000 squares of a usual size, on which a search for circles took minutes."""
+    tiles = np.kron(np.indices((40, 52)).sum(0) % 2, np.ones((24, 24)))
+    noise = 2 * np.random.default_rng(0).standard_normal(tiles.shape)
+    image = np.clip(cv2.GaussianBlur(50 + 150 * tiles, (0, 0), 0.8) + noise, 0, 255)
+    assert grid_of_circles(image.astype(np.uint8)) is None

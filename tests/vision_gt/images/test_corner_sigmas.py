@@ -6,7 +6,10 @@ import pytest
 from vision_scenes import APRIL, camera, marker_image, random_marker
 
 from data_samples.rendering.image import Optics
+from vision_gt.images.boards import find_board
 from vision_gt.images.markers import detect_markers
+from vision_gt.patterns.boards import Board
+from vision_gt.prints.signs import wider_shapes
 
 
 def spoilt(light, rng, *, blur=0.0, motion=0, sharpen=0.0):
@@ -59,3 +62,48 @@ def test_errors_of_corners_are_as_large_as_stated(rendered, how):
     # square has a standard deviation of a third; two of it beside the 0.7 to 1.4 that are asked.
     assert 0.4 < np.mean(squares) < 2.0
     assert 0.6 < np.sqrt(np.mean(stated) / np.mean(errors)) < 1.7
+
+
+@pytest.mark.parametrize(("noise", "smooth"), [(2.0, 0.0), (8.0, 0.0), (4.0, 1.0)])
+def test_errors_of_board_corners_are_as_large_as_stated(noise, smooth):
+    """White noise, and noise that a camera smoothed: 45 corners in two images each.
+
+    Their mean square has a standard deviation of a tenth; sigmas are the larger one of two
+    coordinates', to which 0.004 pixels are added, and smoothed noise is seen a third too small.
+    """
+    board = Board(10, 6, 0.1)
+    squares = []
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        cells = np.pad(np.indices((6, 10)).sum(0) % 2, 1, constant_values=1)
+        texture = np.kron(cells, np.ones((40, 40))).astype(np.float32)
+        own = np.array([[0, 0], [480, 0], [480, 320], [0, 320]], dtype=np.float32) - 0.5
+        seen = np.array([[60, 50], [580, 80], [560, 420], [90, 400]]) + rng.uniform(-20, 20, (4, 2))
+        H = cv2.getPerspectiveTransform(own, (8 * seen + 3.5).astype(np.float32))
+        large = cv2.warpPerspective(texture, H, (640 * 8, 480 * 8), borderValue=0.5)
+        image = cv2.GaussianBlur(large, (0, 0), 5.6).reshape(480, 8, 640, 8).mean((1, 3))
+        grain = rng.standard_normal(image.shape)
+        if smooth:
+            grain = cv2.GaussianBlur(grain, (0, 0), smooth)
+        image = 40 + 165 * image + noise * grain / grain.std()
+        found = find_board(np.clip(np.rint(image), 0, 255).astype(np.uint8), board)
+        inner = np.stack(np.meshgrid(np.arange(1, 10), np.arange(1, 6)), -1).reshape(-1, 1, 2)
+        inner = 40.0 * (inner + 1) - 0.5
+        true = (cv2.perspectiveTransform(inner, H)[:, 0] - 3.5) / 8
+        if np.linalg.norm(found.pixels[0] - true[found.ids[0]]) > 5:
+            true = true[::-1]
+        off = (found.pixels - true[found.ids]) / found.sigmas[:, None]
+        squares.append(np.square(off).mean())
+    assert 0.35 < np.mean(squares) < 1.8
+
+
+def test_a_stretched_blur_is_an_ellipse_as_wide_as_its_variances():
+    """Blur of 1 pixel with 0.6 square pixels more along 30 degrees than across."""
+    angle = np.deg2rad(30)
+    stretch = 0.6 * np.array([[np.cos(2 * angle), np.sin(2 * angle)]])
+    (shape,) = wider_shapes(np.ones(1), stretch)
+    along, across = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    np.testing.assert_allclose(shape @ across, across, atol=1e-12)
+    np.testing.assert_allclose(shape @ along, np.sqrt(1.3 / 0.7) * along, atol=1e-12)
+    again = wider_shapes(np.ones(1), np.zeros((1, 2)), shape[None])
+    np.testing.assert_allclose(again[0], shape, atol=1e-12)
