@@ -59,6 +59,27 @@ def marker_image(
     return image, project(T_camera_marker.apply(square), taken_by.parameters)
 
 
+FINE = 8
+"""Samples a pixel along each side, of which `over_pixels` makes grey levels."""
+
+
+def laid_out(texture, own, seen, size, outside):
+    """A flat print through a homography, FINE times as large as the image, and that homography.
+
+    The print's places ``own`` (4, 2) are seen at ``seen`` in an image of ``size`` (width, height).
+    """
+    there = (FINE * np.asarray(seen) + (FINE - 1) / 2).astype(np.float32)
+    H = cv2.getPerspectiveTransform(np.asarray(own, dtype=np.float32), there)
+    wide = (size[0] * FINE, size[1] * FINE)
+    return cv2.warpPerspective(texture.astype(np.float32), H, wide, borderValue=outside), H
+
+
+def over_pixels(large):
+    """Means over the areas of pixels."""
+    height, width = (length // FINE for length in large.shape)
+    return large.reshape(height, FINE, width, FINE).mean((1, 3))
+
+
 def close_up(rng: np.random.Generator, T_camera_marker: RigidTransform, number: int):
     """The part of the photograph around a marker: its camera, the image, the true corners.
 

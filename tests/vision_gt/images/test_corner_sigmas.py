@@ -3,7 +3,14 @@
 import cv2
 import numpy as np
 import pytest
-from vision_scenes import APRIL, camera, marker_image, random_marker
+from vision_scenes import (
+    APRIL,
+    camera,
+    laid_out,
+    marker_image,
+    over_pixels,
+    random_marker,
+)
 
 from data_samples.rendering.image import Optics
 from vision_gt.images.boards import find_board
@@ -76,12 +83,10 @@ def test_errors_of_board_corners_are_as_large_as_stated(noise, smooth):
     for seed in range(2):
         rng = np.random.default_rng(seed)
         cells = np.pad(np.indices((6, 10)).sum(0) % 2, 1, constant_values=1)
-        texture = np.kron(cells, np.ones((40, 40))).astype(np.float32)
-        own = np.array([[0, 0], [480, 0], [480, 320], [0, 320]], dtype=np.float32) - 0.5
+        own = np.array([[0, 0], [480, 0], [480, 320], [0, 320]]) - 0.5
         seen = np.array([[60, 50], [580, 80], [560, 420], [90, 400]]) + rng.uniform(-20, 20, (4, 2))
-        H = cv2.getPerspectiveTransform(own, (8 * seen + 3.5).astype(np.float32))
-        large = cv2.warpPerspective(texture, H, (640 * 8, 480 * 8), borderValue=0.5)
-        image = cv2.GaussianBlur(large, (0, 0), 5.6).reshape(480, 8, 640, 8).mean((1, 3))
+        large, H = laid_out(np.kron(cells, np.ones((40, 40))), own, seen, (640, 480), outside=0.5)
+        image = over_pixels(cv2.GaussianBlur(large, (0, 0), 5.6))
         grain = rng.standard_normal(image.shape)
         if smooth:
             grain = cv2.GaussianBlur(grain, (0, 0), smooth)

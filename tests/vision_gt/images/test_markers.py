@@ -13,8 +13,10 @@ from vision_scenes import (
     camera,
     close_up,
     exact_network,
+    laid_out,
     marker_image,
     opencv_markers,
+    over_pixels,
     random_marker,
 )
 
@@ -240,18 +242,17 @@ def test_corners_under_motion_are_where_they_are_and_as_good_as_stated(length, a
     squares, offs = [], []
     for number in range(12):
         bits = np.pad(APRIL.bits(number), 2, constant_values=1)
-        texture = np.kron(bits, np.ones((40, 40))).astype(np.float32)
+        texture = np.kron(bits, np.ones((40, 40)))
         low, high = 79.5, len(texture) - 80.5
-        own = np.array([[low, low], [high, low], [high, high], [low, high]], dtype=np.float32)
+        own = [[low, low], [high, low], [high, high], [low, high]]
         seen = np.array([[60, 52], [158, 66], [150, 140], [52, 148]]) + rng.uniform(-9, 9, (4, 2))
-        H = cv2.getPerspectiveTransform(own, (8 * seen + 3.5).astype(np.float32))
-        large = cv2.warpPerspective(texture, H, (1760, 1600), borderValue=0.7)
+        large, _ = laid_out(texture, own, seen, (220, 200), outside=0.7)
         line = np.zeros((65, 65), dtype=np.float32)
         steps = np.linspace(-4 * length, 4 * length, 400)
         at = np.rint(32 + np.outer(steps, [np.cos(angle), np.sin(angle)])).astype(int)
         np.add.at(line, (at[:, 1], at[:, 0]), 1 / len(at))
         large = cv2.GaussianBlur(cv2.filter2D(large, -1, line), (0, 0), 5.6)
-        image = 40 + 165 * large.reshape(200, 8, 220, 8).mean((1, 3))
+        image = 40 + 165 * over_pixels(large)
         image += 2 * rng.standard_normal(image.shape)
         (view,) = detect_markers(np.clip(np.rint(image), 0, 255).astype(np.uint8), APRIL).views
         assert view.number == number

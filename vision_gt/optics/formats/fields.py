@@ -16,6 +16,8 @@ from vision_gt.optics.lenses import fisheye_parameters, rational_parameters
 Node = Mapping[str, Any]
 """A part of a file with names: dicts, lists, strings and floats."""
 
+FOCAL = ("fx", "fy", "cx", "cy")
+"""Names of a camera matrix's numbers, where they are written one by one."""
 PINHOLE_LENSES = {"plumb_bob", "radtan", "radial-tangential"}
 FISHEYE_LENSES = {"equidistant", "fisheye", "kannala_brandt", "kannala_brandt4", "equi"}
 RATIONAL_LENSES = {"rational_polynomial"}

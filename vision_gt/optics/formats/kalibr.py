@@ -8,6 +8,7 @@ import numpy as np
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.formats.fields import (
     FISHEYE_LENSES,
+    FOCAL,
     NO_LENS,
     OURS,
     PINHOLE_LENSES,
@@ -22,7 +23,6 @@ from vision_gt.optics.formats.fields import (
 )
 from vision_gt.optics.formats.source import Source
 
-_FOCAL = ("fx", "fy", "cx", "cy")
 _KB4 = ("k1", "k2", "k3", "k4")
 _RADTAN8 = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
@@ -109,7 +109,7 @@ def _basalt_camera(source: Source, name: str, value: Any, at: int) -> Camera:
     found = numbers(path, pair, f"value0.resolution.{at}", (2,))
     width, height = (whole(path, float(one), f"value0.resolution.{at}") for one in found)
     within, size = f"{field}.intrinsics.", (width, height)
-    focal = named_numbers(path, inner, _FOCAL, within)
+    focal = named_numbers(path, inner, FOCAL, within)
     match node.get("camera_type"):
         case "pinhole":
             return made(path, name, size, np.concatenate([focal, np.zeros(5)]))

@@ -7,6 +7,7 @@ import numpy as np
 from validation.poses.angles import Array
 from vision_gt.optics.camera import Camera
 from vision_gt.optics.formats.fields import (
+    FOCAL,
     Node,
     bad,
     brown_or_rational,
@@ -18,7 +19,6 @@ from vision_gt.optics.formats.fields import (
 )
 from vision_gt.optics.formats.source import Source
 
-_FOCAL = ("fx", "fy", "cx", "cy")
 _BROWN = ("k1", "k2", "p1", "p2")
 _EQUIDISTANT = ("k2", "k3", "k4", "k5")
 """camodocal counts Kannala and Brandt's coefficients from the linear one, which is 1."""
@@ -36,7 +36,7 @@ def read_camodocal(source: Source, _: str | None = None) -> list[Camera]:
     model = str(root.get("model_type")).upper()
     if model not in {"PINHOLE", "KANNALA_BRANDT"}:
         raise bad(path, "expected PINHOLE or KANNALA_BRANDT", "model_type", model)
-    names = _FOCAL if model == "PINHOLE" else ("mu", "mv", "u0", "v0")
+    names = FOCAL if model == "PINHOLE" else ("mu", "mv", "u0", "v0")
     focal = named_numbers(path, root["projection_parameters"], names, "projection_parameters.")
     width, height = (whole(path, root.get(key), key) for key in ("image_width", "image_height"))
     name = root.get("camera_name")
@@ -86,7 +86,7 @@ def _settings(path: Path, root: Node, camera: str, name: str) -> Camera:
     own = {key: own[key] for key in own if f"{camera}.{key}" in root}
     width, height = (whole(path, root.get(key), key) for key in ("Camera.width", "Camera.height"))
     kind = str(root.get("Camera.type", "PinHole")).lower()
-    focal = named_numbers(path, own, _FOCAL, f"{camera}.")
+    focal = named_numbers(path, own, FOCAL, f"{camera}.")
     if kind == "kannalabrandt8":
         lens = named_numbers(path, own, ("k1", "k2", "k3", "k4"), f"{camera}.")
         return fisheye_camera(path, name, (width, height), focal, lens)
