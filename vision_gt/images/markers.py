@@ -32,18 +32,21 @@ rendered images, see benchmarks/vision_corners.py."""
 _WINDOWS = (3, 13, 23)
 """Pixels of the windows that the thresholding uses, which are OpenCV's. Of 651 markers that OpenCV
 reads in 23 images (20 to 40 pixels; blurred, sharpened, overexposed, compressed, with Bayer's
-pattern), each of which has one that the first two windows lose, these find 650, and 166 more; 3 and
+pattern), each of which has one that the first two windows lose, these find 650, and 144 more; 3 and
 13 alone 633, 5 and 21 636."""
-_NEAR_ANOTHER = 0.03
-"""Perimeters that outlines may be from each other; of nearer ones, OpenCV takes the largest. With
-its own 0.125 outlines of the rim stand for markers: of those 651 it leaves 7 unread."""
+_NEAR_ANOTHER, _OF_A_GROUP = 0.08, 0.1
+"""Perimeters that outlines may be from each other: of nearer ones OpenCV makes groups, and tries
+those of a group that are a little apart. With its own 0.125 and 0.21, outlines of the rim stand for
+small markers, with 0.05 and less for large ones: 7 of those 651 are lost, and 12 of 210 in eleven
+other images; with these, 1 and 1."""
 LEAST_CELL = 1.6
 """Pixels of a cell's side below which no code can be read, on rendered images with usual blur."""
 FACING = float(np.cos(np.deg2rad(75)))
 """Cosine between a marker's normal and the ray to it. Markers are not read from flatter than that:
 a cell is then a quarter as high as wide. A judgement."""
-_LEAST_SEEN = 1.4
-"""Pixels of a cell below which no outline is tried: those of blurred markers are drawn small."""
+_LEAST_SEEN = 1.3
+"""Pixels of a cell below which no outline is tried: those of blurred markers are drawn small. With
+1.4 four markers of 20 pixels and nine cells are lost that OpenCV reads, with 1.3 none."""
 _DRAWINGS = 2
 """A judgement: each draws the sides of a quadrangle by up to four pixels."""
 _TWICE = "seen more than once; none of them is used"
@@ -252,7 +255,8 @@ def _quick(family: Family, size: int) -> cv2.aruco.DetectorParameters:
     first, second, last = _WINDOWS
     parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = first, last
     parameters.adaptiveThreshWinSizeStep = second - first
-    parameters.minMarkerDistanceRate, parameters.minGroupDistance = _NEAR_ANOTHER, 0.0
+    parameters.minMarkerDistanceRate = _NEAR_ANOTHER
+    parameters.minGroupDistance = _OF_A_GROUP
     parameters.minMarkerPerimeterRate = min(4 * _LEAST_SEEN * family.cells / size, 0.1)
     return parameters
 
