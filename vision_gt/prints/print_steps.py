@@ -253,7 +253,8 @@ def _weighed(
         # Where light is cut off as the model foretells, a pixel is no outlier.
         told = np.asarray(used & ~((bright & (residual < 0)) | (dark & (residual > 0))))
     weights = np.asarray(tukey_of_filled(residual, state.contrast, step) * told)
-    if cut.any():
+    # Without sharpening all of the white may be cut off, and bounds lead to its level too slowly.
+    if state.radius is not None and cut.any():
         _hold_cut_off(np.where(bright, 1.0, -1.0), cut, used & ~cut, residual, weights)
     return told, weights
 

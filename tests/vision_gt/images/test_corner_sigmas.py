@@ -112,3 +112,20 @@ def test_a_stretched_blur_is_an_ellipse_as_wide_as_its_variances():
     np.testing.assert_allclose(shape @ along, np.sqrt(1.3 / 0.7) * along, atol=1e-12)
     again = wider_shapes(np.ones(1), np.zeros((1, 2)), shape[None])
     np.testing.assert_allclose(again[0], shape, atol=1e-12)
+
+
+def test_corners_of_overexposed_markers_under_a_gamma_are_where_they_are():
+    """White is cut off everywhere at 2.5 times the light: its level is known from slopes alone."""
+    for number in range(6):
+        rng = np.random.default_rng(number)
+        bits = np.pad(APRIL.bits(number), 2, constant_values=1)
+        low, high = 79.5, 40.0 * len(bits) - 80.5
+        own = [[low, low], [high, low], [high, high], [low, high]]
+        seen = np.array([[60, 52], [138, 60], [132, 130], [54, 134]]) + rng.uniform(-9, 9, (4, 2))
+        large, _ = laid_out(np.kron(bits, np.ones((40, 40))), own, seen, (200, 190), outside=1.0)
+        light = 0.04 + 0.78 * over_pixels(cv2.GaussianBlur(large, (0, 0), 5.6))
+        light = np.clip(2.5 * light + rng.normal(0, 2 / 255, light.shape), 0, 1)
+        image = np.rint(255 * light ** (1 / 2.2)).astype(np.uint8)
+        (view,) = detect_markers(image, APRIL).views
+        assert np.abs(view.corners - seen).max() < 0.15
+        assert np.sqrt(np.trace(view.covariances, axis1=1, axis2=2) / 2).max() < 0.1
